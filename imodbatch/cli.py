@@ -1,0 +1,288 @@
+"""The command line: parse, run stages, print one line per stage and sequence.
+
+Heavy libraries load inside the commands, so that ``imodbatch --help`` answers at once.
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from imodbatch import __version__
+from imodbatch.errors import ImodError
+
+if TYPE_CHECKING:
+    from imodbatch.runner import Outcome, Plan
+
+STAGE_HELP = {
+    "index": "Dataset folder → frames, annotations.",
+    "poses": "frames + odometry → poses, in a world with +z up.",
+    "detect": "frames + detector (or its results file) → detections.",
+    "lift": "frames + poses + detections → observations: each box gets a place in the world.",
+    "fuse": "detections + observations → fused scores and objects.",
+    "score": "fused + annotations → matches, metrics, sweeps, losses.",
+    "report": "All tables → one self-contained HTML page, with Markdown and CSV beside it.",
+    "run": "All stages, from the dataset folder to the report.",
+}
+MANIFEST = click.argument("manifest", type=click.Path(path_type=Path))
+
+
+def _common_options(command: Callable[..., None]) -> Callable[..., None]:
+    for decorate in (
+        click.option(
+            "--set",
+            "settings",
+            multiple=True,
+            metavar="STAGE.KEY=VALUE",
+            help="Override one pipeline setting; may be repeated.",
+        ),
+        click.option(
+            "--sequence", "sequences", multiple=True, metavar="ID", help="Only this sequence."
+        ),
+        click.option(
+            "--out",
+            type=click.Path(path_type=Path, file_okay=False),
+            metavar="RUN_DIR",
+            help="Where tables go. Default: runs/<manifest>--<pipeline>.",
+        ),
+        click.option(
+            "--pipeline",
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            help="Pipeline TOML. Default: every setting's default.",
+        ),
+    ):
+        command = decorate(command)
+    return command
+
+
+class _OneLineErrors(click.Group):
+    """Errors a user can cure are one line on stderr and exit code 1."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command; the only place where errors are caught."""
+        try:
+            return super().invoke(ctx)
+        except ImodError as error:
+            _fail(str(error))
+        except (PermissionError, FileNotFoundError, FileExistsError, NotADirectoryError) as error:
+            _fail(f"{error.filename}: {error.strerror}. Check the path and its permissions.")
+        except OSError as error:
+            _fail(f"{error.filename or 'disk'}: {error.strerror or error}.")
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """In the order of the pipeline, not of the alphabet."""
+        del ctx
+        return list(self.commands)
+
+
+def _fail(message: str) -> None:
+    click.echo(f"imodbatch: error: {message}", err=True)
+    sys.exit(1)
+
+
+@click.group(
+    cls=_OneLineErrors,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="Start with: imodbatch run manifests/analytic.toml",
+)
+@click.version_option(__version__, prog_name="imodbatch")
+def main() -> None:
+    """Many RGB-D frames made to agree: detect, lift, fuse and score objects over camera views."""
+
+
+def _stage_command(stage: str) -> click.Command:
+    def command(
+        manifest: Path,
+        pipeline: Path | None,
+        out: Path | None,
+        sequences: tuple[str, ...],
+        settings: tuple[str, ...],
+        workers: int,
+        scheduler: str | None,
+        overwrite: bool,
+        device: str | None = None,
+    ) -> None:
+        from imodbatch import runner
+        from imodbatch.wiring import STAGES
+
+        if device is not None:
+            settings = (*settings, f"detect.device={device}")
+        plan = _plan(manifest, pipeline, out, sequences, settings)
+        todo = STAGES if stage == "run" else (stage,)
+        if stage != "run":
+            _warn_of_stale_inputs(plan, stage)
+        with runner.open_executor(workers, scheduler) as executor:
+            for name in todo:
+                if name == "report":
+                    _write_report(plan, pipeline)
+                    continue
+                for outcome in runner.run_stage(plan, name, overwrite=overwrite, executor=executor):
+                    _print_outcome(outcome)
+                if _PRINTED_ERRORS:
+                    sys.exit(1)
+
+    command.__doc__ = (
+        f"{STAGE_HELP[stage]}\n\n\b\nExample:\n  imodbatch {stage} manifests/analytic.toml"
+    )
+    decorated: Callable[..., None] = command
+    for decorate in (
+        click.option("--overwrite", is_flag=True, help="Redo even what is up to date."),
+        click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler to run sequences on."),
+        click.option(
+            "--workers",
+            type=click.IntRange(min=1),
+            default=1,
+            show_default=True,
+            help="Sequences at a time, in local processes.",
+        ),
+    ):
+        decorated = decorate(decorated)
+    if stage in ("detect", "run"):
+        decorated = click.option(
+            "--device", metavar="NAME", help="torch device of the detector, such as cuda."
+        )(decorated)
+    return click.command(stage)(MANIFEST(_common_options(decorated)))
+
+
+_PRINTED_ERRORS: list[str] = []
+
+
+def _plan(
+    manifest: Path,
+    pipeline: Path | None,
+    out: Path | None,
+    sequences: tuple[str, ...],
+    settings: tuple[str, ...],
+) -> "Plan":
+    from imodbatch.config import load_pipeline
+    from imodbatch.manifest import load_manifest
+    from imodbatch.runner import Plan
+    from imodbatch.wiring import Context
+
+    checked = load_manifest(manifest)
+    context = Context(checked, load_pipeline(pipeline, settings))
+    run_dir = out or Path("runs") / f"{checked.name}--{_pipeline_name(pipeline)}"
+    return Plan(context, run_dir, checked.sequences).choose(sequences)
+
+
+def _pipeline_name(pipeline: Path | None) -> str:
+    return "default" if pipeline is None else pipeline.stem
+
+
+def _warn_of_stale_inputs(plan: "Plan", stage: str) -> None:
+    from imodbatch.runner import stale_inputs
+
+    stale = stale_inputs(plan, stage) if stage != "report" else []
+    if stale:
+        click.echo(
+            f"imodbatch: warning: {', '.join(stale)} no longer fit these settings; "
+            "`imodbatch run` brings all up to date.",
+            err=True,
+        )
+
+
+def _print_outcome(outcome: "Outcome") -> None:
+    for warning in outcome.warnings[:5]:
+        click.echo(f"imodbatch: warning: {warning}", err=True)
+    if len(outcome.warnings) > 5:
+        click.echo(f"imodbatch: warning: and {len(outcome.warnings) - 5} more like it", err=True)
+    if outcome.state == "failed":
+        _PRINTED_ERRORS.append(outcome.message)
+        click.echo(f"imodbatch: error: {outcome.message}", err=True)
+        return
+    mark = " (up to date)" if outcome.state == "up to date" else ""
+    click.echo(f"{outcome.stage} {outcome.label}: {outcome.message}{mark}")
+
+
+def _write_report(plan: "Plan", pipeline: Path | None) -> None:
+    from imodbatch.publishing import write_report
+
+    click.echo(f"report: {write_report(plan, _pipeline_name(pipeline))}")
+
+
+for _stage in STAGE_HELP:
+    main.add_command(_stage_command(_stage))
+
+
+@main.command()
+@MANIFEST
+@_common_options
+def status(
+    manifest: Path,
+    pipeline: Path | None,
+    out: Path | None,
+    sequences: tuple[str, ...],
+    settings: tuple[str, ...],
+) -> None:
+    r"""Say of every stage and sequence whether it is up to date, stale or missing.
+
+    \b
+    Example:
+      imodbatch status manifests/analytic.toml
+    """
+    from imodbatch.runner import states
+
+    plan = _plan(manifest, pipeline, out, sequences, settings)
+    click.echo(f"{plan.run_dir}")
+    for outcome in states(plan):
+        line = f"  {outcome.stage:8} {outcome.label:16} {outcome.state:11} {outcome.message}"
+        click.echo(line.rstrip())
+
+
+@main.command()
+@click.argument("table", required=False)
+def schema(table: str | None) -> None:
+    r"""Print the data dictionary: every table (or one), its columns, types and meaning.
+
+    \b
+    Example:
+      imodbatch schema fused
+    """
+    from imodbatch.config import did_you_mean
+    from imodbatch.errors import TableError
+    from imodbatch.schemas import TABLES
+
+    if table is not None and table not in TABLES:
+        raise TableError(f"{table}: no such table.{did_you_mean(table, list(TABLES))}")
+    for spec in TABLES.values() if table is None else (TABLES[table],):
+        place = "run" if spec.per_run else "<sequence_id>"
+        click.echo(f"{spec.name}/{place}.parquet (version {spec.version})")
+        for column in spec.columns:
+            name = column.name.upper() if column.name in spec.key else column.name
+            nullable = "?" if column.nullable else ""
+            click.echo(f"  {name:20} {str(column.dtype) + nullable:16} {column.meaning}")
+
+
+@main.command()
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.option(
+    "--world", type=click.Choice(["analytic"]), default="analytic", show_default=True, help="Scene."
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Other seed, other data.")
+def simulate(folder: Path, world: str, seed: int) -> None:
+    r"""Seed → a dataset folder with colour, depth, poses, true boxes and simulated detections.
+
+    \b
+    Example:
+      imodbatch simulate data/analytic
+    """
+    del world
+    from tqdm import tqdm
+
+    from imodbatch.simulation.analytic import write_dataset
+
+    with tqdm(desc="simulate", leave=False, disable=None) as bar:
+
+        def advance(n_done: int, n_total: int) -> None:
+            bar.total = n_total
+            bar.update(n_done - bar.n)
+
+        write_dataset(folder, seed=seed, progress=advance)
+    click.echo(f"simulate: {folder}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The method in pure numpy: no I/O, nothing heavier than numpy."""

@@ -1,0 +1,1 @@
+"""Raw folders → frames, poses, annotations, detections. One file per layout or format."""

@@ -1,0 +1,91 @@
+"""What an adapter gives: the frames of a sequence as files, and the poses that came with them."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imodbatch.core.camera import PinholeCamera
+from imodbatch.manifest import Manifest, SequenceSection
+
+
+@dataclass(frozen=True)
+class FrameFile:
+    """One frame on disk.
+
+    Attributes:
+        frame_index: the dataset's own frame number.
+        timestamp_ns: moment of the colour image, None = unknown.
+        color_path: relative to the manifest's root, with forward slashes.
+        depth_path: likewise, None = no depth image.
+    """
+
+    frame_index: int
+    timestamp_ns: int | None
+    color_path: str
+    depth_path: str | None
+
+
+@dataclass(frozen=True)
+class CameraModel:
+    """Both cameras of a dataset and what the numbers of its depth images mean."""
+
+    color: PinholeCamera
+    depth: PinholeCamera
+    depth_scale_m: float
+    depth_invalid: tuple[int, ...]
+    color_from_depth: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """Poses as a dataset gives them, in its own order.
+
+    Attributes:
+        world_from_color: (P, 4, 4) of the colour camera, as read: not yet checked.
+        timestamp_ns: (P,) moments, or None when poses belong to frames by number.
+        frame_index: (P,) frame numbers, or None when poses belong to frames by moment.
+    """
+
+    world_from_color: NDArray[np.float64]
+    timestamp_ns: NDArray[np.int64] | None = None
+    frame_index: NDArray[np.int64] | None = None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Rows read from a file, and what was left out of it and why.
+
+    Attributes:
+        rows: dictionaries of a table's columns, without `sequence_id`.
+        left_out: reason → number of entries of the file that gave no row.
+    """
+
+    rows: list[dict[str, Any]]
+    left_out: Counter[str] = field(default_factory=Counter)
+
+
+class Adapter(Protocol):
+    """A dataset layout."""
+
+    def frames(self, manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
+        """All frames of a sequence that the manifest's slice keeps, by rising number."""
+        ...
+
+    def cameras(self, manifest: Manifest) -> CameraModel:
+        """The cameras, where the manifest does not override them."""
+        ...
+
+    def odometry(
+        self, manifest: Manifest, sequence: SequenceSection, frames: Sequence[FrameFile]
+    ) -> Odometry | None:
+        """The poses that come with a sequence; None = the dataset has none."""
+        ...
+
+    def odometry_files(self, manifest: Manifest, sequence: SequenceSection) -> list[Path]:
+        """Files that `odometry` reads, for provenance."""
+        ...

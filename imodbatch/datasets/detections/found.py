@@ -1,0 +1,237 @@
+"""What every detection format comes down to, and which of it is kept."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imodbatch.core.boxes import area, clip
+from imodbatch.datasets.base import FrameFile
+from imodbatch.datasets.coco import NO_AREA, OTHER_FRAMES, OUTSIDE_IMAGE, FrameNames, sharing
+from imodbatch.errors import DataError
+from imodbatch.manifest import Manifest, SequenceSection
+
+KEY = "detections.path"
+OTHER_SEQUENCES = "other sequences"
+UNKNOWN_FRAMES = "unknown frames"
+OTHER_CLASSES = "other classes"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """What a score vector has an entry for: K classes x M elevations x N azimuths."""
+
+    n_classes: int
+    n_elevations: int
+    n_azimuths: int
+
+    @property
+    def n_scores(self) -> int:
+        """K·M·N."""
+        return self.n_classes * self.n_elevations * self.n_azimuths
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedDetections:
+    """Detections of a sequence in the order of the file.
+
+    Attributes:
+        frame_index: (n,) int64 frame numbers.
+        boxes: (n, 4) float64 x0 y0 x1 y1 in continuous pixels, inside the image.
+        view_scores: (n, K·M·N) float32 in C order of [class, elevation, azimuth].
+        background: (n,) float32 background scores.
+        left_out: reason → number of entries of the file that gave no detection.
+    """
+
+    frame_index: NDArray[np.int64]
+    boxes: NDArray[np.float64]
+    view_scores: NDArray[np.float32]
+    background: NDArray[np.float32]
+    left_out: Counter[str]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an image belongs: a frame of the slice, or the reason why it is none."""
+
+    frame_index: int | None
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """All entries of a file.
+
+    Attributes:
+        path: the file.
+        entry: number of an entry → how to call it in an error.
+        places: (n,) where each belongs.
+        place_names: (n,) how the file calls its image, for errors.
+        boxes: (n, 4) float64 x0 y0 x1 y1 in continuous pixels.
+        view_scores: (n, K·M·N) float32; rows of other classes are 0.
+        background: (n,) float64.
+        has_class: (n,) bool, False = a class that the manifest does not ask for.
+        cure: what to do about a box that runs backwards.
+    """
+
+    path: Path
+    entry: Callable[[int], str]
+    places: Sequence[Place]
+    place_names: Sequence[Any]
+    boxes: NDArray[np.float64]
+    view_scores: NDArray[np.float32]
+    background: NDArray[np.float64]
+    has_class: NDArray[np.bool_]
+    cure: str
+
+
+class Frames:
+    """Which frame of a sequence's slice a number or a file name means."""
+
+    def __init__(
+        self, sequence: SequenceSection, frames: Sequence[FrameFile], names: FrameNames
+    ) -> None:
+        self._sequence, self._names = sequence, names
+        self._places = {frame.frame_index: Place(frame.frame_index) for frame in frames}
+
+    def by_number(self, number: int) -> Place:
+        """The place of a frame number; one that the slice leaves out may well exist."""
+        if number in self._places:
+            return self._places[number]
+        kept = self._sequence.keeps(number)
+        return Place(None, UNKNOWN_FRAMES if kept else OTHER_FRAMES)
+
+    def by_name(self, name: str, where: str) -> Place:
+        """The place of an image file.
+
+        Raises:
+            DataError: the name fits several images.
+        """
+        index = self._names.find(name, where)
+        if index is not None:
+            return self._places[index]
+        return Place(None, OTHER_FRAMES if self._names.is_elsewhere(name) else UNKNOWN_FRAMES)
+
+
+def refuse_shared_numbers(
+    manifest: Manifest, sequence: SequenceSection, pattern: str, path: Path, cure: str
+) -> None:
+    """Refuse frame numbers in a file that sequences of different folders read.
+
+    Raises:
+        DataError: there are such sequences.
+    """
+    others = sharing(manifest, sequence, pattern)
+    if others:
+        raise DataError(
+            f"{path}: is read for {sequence.id} and {others[0].id}, and frame numbers do not say "
+            f"whose they are. {cure}, or put {{sequence}} into {KEY}."
+        )
+
+
+def one_hot(
+    class_ids: NDArray[np.int64], scores: NDArray[np.float64], n_classes: int
+) -> NDArray[np.float32]:
+    """View scores of a detector that knows one class per box.
+
+    Args:
+        class_ids: (n,) ordinals, -1 = a class that the manifest does not ask for.
+        scores: (n,) scores of these classes.
+        n_classes: K.
+
+    Returns:
+        (n, K) the score in the class's column, an exact 0 elsewhere.
+    """
+    view_scores = np.zeros((len(class_ids), n_classes), dtype=np.float32)
+    rows = np.flatnonzero(class_ids >= 0)
+    view_scores[rows, class_ids[rows]] = scores[rows]
+    return view_scores
+
+
+def check_scores(path: Path, entry: Callable[[int], str], scores: NDArray[Any]) -> None:
+    """Refuse scores that are no probabilities.
+
+    Args:
+        path: the file.
+        entry: number of an entry → how to call it.
+        scores: (n,) or (n, S).
+
+    Raises:
+        DataError: one is not finite or outside [0, 1].
+    """
+    table = scores if scores.ndim == 2 else scores[:, None]
+    right = (table >= 0) & (table <= 1)  # False for NaN too.
+    faulty = np.flatnonzero(~right.all(axis=1))
+    if faulty.size:
+        first = int(faulty[0])
+        value = float(table[first][~right[first]][0])
+        hint = (
+            "Give finite scores"
+            if not np.isfinite(value)
+            else ("Are these logits or percent? Give scores after softmax or sigmoid")
+        )
+        raise DataError(
+            f"{path}: {entry(first)}: the score {value:g} is not within 0 to 1 "
+            f"({faulty.size} such entries). {hint}."
+        )
+
+
+def select(
+    found: Found, unknown_frames: Literal["error", "skip"], width_px: int, height_px: int
+) -> ImportedDetections:
+    """Check the boxes, cut them at the image's border, and keep what belongs to the slice.
+
+    Raises:
+        DataError: a box is not finite or runs backwards; a frame is unknown and that is an error.
+    """
+    _check_boxes(found)
+    reasons = np.array([place.reason for place in found.places], dtype=object)
+    if unknown_frames == "error":
+        _refuse_unknown(found, np.flatnonzero(reasons == UNKNOWN_FRAMES))
+    boxes = clip(found.boxes, width_px, height_px)
+    for faulty, reason in (
+        (~found.has_class, OTHER_CLASSES),
+        (area(found.boxes) <= 0, NO_AREA),
+        (area(boxes) <= 0, OUTSIDE_IMAGE),
+    ):
+        reasons[(reasons == "") & faulty] = reason
+    kept = np.flatnonzero(reasons == "")
+    return ImportedDetections(
+        np.array([found.places[i].frame_index for i in kept.tolist()], dtype=np.int64),
+        boxes[kept],
+        found.view_scores[kept],
+        found.background[kept].astype(np.float32),
+        Counter(reasons[reasons != ""].tolist()),
+    )
+
+
+def _check_boxes(found: Found) -> None:
+    faulty = np.flatnonzero(~np.isfinite(found.boxes).all(axis=1))
+    if faulty.size:
+        raise DataError(
+            f"{found.path}: {found.entry(int(faulty[0]))}: the box "
+            f"{found.boxes[faulty[0]].tolist()} is not finite ({faulty.size} such entries). "
+            "Correct it or take it out."
+        )
+    faulty = np.flatnonzero((found.boxes[:, 2:] < found.boxes[:, :2]).any(axis=1))
+    if faulty.size:
+        raise DataError(
+            f"{found.path}: {found.entry(int(faulty[0]))}: the box "
+            f"{found.boxes[faulty[0]].tolist()} (x0 y0 x1 y1) runs backwards ({faulty.size} such "
+            f"entries). {found.cure}"
+        )
+
+
+def _refuse_unknown(found: Found, unknown: NDArray[np.intp]) -> None:
+    if unknown.size:
+        first = int(unknown[0])
+        raise DataError(
+            f"{found.path}: {found.entry(first)}: the dataset has no frame "
+            f"{found.place_names[first]!r} ({unknown.size} such entries). Check which images "
+            "the file speaks of (detections.images), or leave them out with "
+            'detections.unknown_frames = "skip".'
+        )

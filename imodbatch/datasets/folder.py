@@ -1,0 +1,132 @@
+"""Any folder of RGB-D frames, read by the manifest alone: `[camera]`, `[images]`, `[odometry]`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from imodbatch.core.trajectory import associate
+from imodbatch.datasets.base import CameraModel, FrameFile, Odometry
+from imodbatch.datasets.patterns import PathPattern
+from imodbatch.datasets.trajectories import read_odometry, trajectory_files
+from imodbatch.errors import ConfigError, DataError
+from imodbatch.manifest import ImagesSection, Manifest, SequenceSection
+
+NS_PER_S, NS_PER_MS = 1_000_000_000, 1_000_000
+
+
+def frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
+    """Colour images by number, each with its depth image (same number or name; nearest stamp)."""
+    images = _images(manifest)
+    base = manifest.root_path / sequence.path
+    color = PathPattern(images.color)
+    numbered = color.find(base)
+    stamps = _timestamps(images, color, numbered, base)
+    depth_of = _depth_by_number(images, color, numbered, base)
+    root = manifest.root_path
+    return [
+        FrameFile(
+            number,
+            stamp,
+            path.relative_to(root).as_posix(),
+            depth_of[number].relative_to(root).as_posix() if number in depth_of else None,
+        )
+        for (number, path), stamp in zip(numbered, stamps, strict=True)
+        if sequence.keeps(number)
+    ]
+
+
+def cameras(manifest: Manifest) -> CameraModel:
+    """A folder says nothing of its cameras."""
+    raise ConfigError(
+        f"manifest {manifest.name}: adapter 'folder' needs camera.color with width_px, height_px, "
+        "fx_px, fy_px, cx_px, cy_px."
+    )
+
+
+def odometry(
+    manifest: Manifest, sequence: SequenceSection, frames: Sequence[FrameFile]
+) -> Odometry | None:
+    """What `[odometry]` points at."""
+    if manifest.odometry is None:
+        return None
+    return read_odometry(manifest.odometry, manifest, sequence, frames)
+
+
+def odometry_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
+    """What `[odometry]` points at."""
+    if manifest.odometry is None:
+        return []
+    return trajectory_files(manifest.odometry, manifest, sequence)
+
+
+def _images(manifest: Manifest) -> ImagesSection:
+    if manifest.images is None:
+        raise ConfigError(
+            f"manifest {manifest.name}: adapter 'folder' needs an [images] section, such as "
+            "color = 'color/{frame}.png'."
+        )
+    return manifest.images
+
+
+def _timestamps(
+    images: ImagesSection, color: PathPattern, numbered: list[tuple[int, Path]], base: Path
+) -> list[int | None]:
+    if color.field == "stamp":
+        return [_stamp_ns(text) for text in sorted(color.values(base), key=float)]
+    if images.timestamps is not None:
+        path = base / images.timestamps
+        try:
+            lines = [
+                t for line in path.read_text().splitlines() if (t := line.split("#")[0].strip())
+            ]
+            stamps = [_stamp_ns(line.split()[0]) for line in lines]
+        except (OSError, ValueError) as error:
+            raise DataError(f"{path}: expected a stamp in seconds per line ({error}).") from None
+        if len(stamps) != len(numbered):
+            raise DataError(
+                f"{path}: {len(stamps)} stamps for {len(numbered)} colour images. "
+                "images.timestamps needs one line per image."
+            )
+        return list(stamps)
+    if images.frames_per_second is not None:
+        return [round(number * NS_PER_S / images.frames_per_second) for number, _ in numbered]
+    return [None] * len(numbered)
+
+
+def _stamp_ns(text: str) -> int:
+    whole, _, fraction = text.partition(".")
+    return int(whole) * NS_PER_S + int((fraction + "000000000")[:9])
+
+
+def _depth_by_number(
+    images: ImagesSection, color: PathPattern, numbered: list[tuple[int, Path]], base: Path
+) -> dict[int, Path]:
+    if images.depth is None:
+        return {}
+    depth = PathPattern(images.depth)
+    if depth.field != color.field:
+        raise ConfigError(
+            f"images.depth {images.depth!r} has {{{depth.field}}} where images.color has "
+            f"{{{color.field}}}; both need the same."
+        )
+    if color.field == "frame":
+        return dict(depth.find(base))
+    by_text = depth.values(base)
+    if color.field == "name":
+        number_of = {path: number for number, path in numbered}
+        return {
+            number_of[path]: by_text[t] for t, path in color.values(base).items() if t in by_text
+        }
+    color_stamps = [_stamp_ns(text) for text in sorted(color.values(base), key=float)]
+    texts = sorted(by_text, key=float)
+    partner = associate(
+        np.array(color_stamps, dtype=np.int64),
+        np.array([_stamp_ns(text) for text in texts], dtype=np.int64),
+        round(images.max_gap_ms * NS_PER_MS),
+    )
+    return {
+        number: by_text[texts[j]]
+        for (number, _), j in zip(numbered, partner, strict=True)
+        if j >= 0
+    }

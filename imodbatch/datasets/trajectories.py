@@ -1,0 +1,241 @@
+"""Trajectory files: TUM, KITTI, one 4×4 per file, CSV with named columns.
+
+All become `Odometry` of the colour camera, world_from_cam, metres, in the order of the file.
+Numbers that are not finite are kept: the frame they belong to is lost, not the file.
+"""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imodbatch.config import did_you_mean
+from imodbatch.core.frames import is_rigid, make_transform, matrix_from_quaternion
+from imodbatch.datasets.base import FrameFile, Odometry
+from imodbatch.datasets.patterns import PathPattern
+from imodbatch.errors import DataError
+from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
+
+Array = NDArray[np.float64]
+NS_PER_S, NS_PER_MS = 1_000_000_000, 1_000_000
+NO_STAMP = np.iinfo(np.int64).min // 2  # matches no moment
+CSV_COLUMNS = ("tx", "ty", "tz", "qw", "qx", "qy", "qz")
+
+
+def trajectory_files(
+    section: OdometrySection, manifest: Manifest, sequence: SequenceSection
+) -> list[Path]:
+    """The file, or the files, that hold a sequence's poses."""
+    if section.format == "matrix":
+        return [path for _, path in _numbered_files(section, manifest, sequence)]
+    return [manifest.path_in(sequence, section.path)]
+
+
+def _numbered_files(
+    section: OdometrySection, manifest: Manifest, sequence: SequenceSection
+) -> list[tuple[int, Path]]:
+    """Files of one matrix each, by frame number."""
+    names_sequence = "{sequence}" in section.path
+    base = manifest.root_path if names_sequence else manifest.root_path / sequence.path
+    return PathPattern(section.path.replace("{sequence}", sequence.path)).find(base)
+
+
+def read_odometry(
+    section: OdometrySection,
+    manifest: Manifest,
+    sequence: SequenceSection,
+    frames: Sequence[FrameFile],
+) -> Odometry:
+    """Read the poses that an `[odometry]` section points at.
+
+    Raises:
+        DataError: a file is missing, a line has the wrong number of columns, a number is none, or
+            most of the matrices are not rigid transforms.
+    """
+    files = trajectory_files(section, manifest, sequence)
+    stamps: NDArray[np.int64] | None = None
+    numbers: NDArray[np.int64] | None = None
+    if section.format == "matrix":
+        numbered = [
+            (number, path)
+            for number, path in _numbered_files(section, manifest, sequence)
+            if sequence.keeps(number)
+        ]
+        if not numbered:
+            raise DataError(
+                f"{manifest.root_path / sequence.path}: no pose file fits {section.path!r}. "
+                "Check odometry.path, such as 'pose/{frame}.txt'."
+            )
+        poses = np.stack([_read_matrix(path) for _, path in numbered])
+        numbers = np.array([number for number, _ in numbered], dtype=np.int64)
+    elif section.format == "kitti":
+        rows = _read_numbers(files[0], 12)
+        poses = np.tile(np.eye(4), (len(rows), 1, 1))
+        poses[:, :3, :] = rows.reshape(-1, 3, 4)
+        numbers = _numbers_by_line(files[0], len(rows), frames)
+    elif section.format == "tum":
+        rows = _read_numbers(files[0], 8)
+        poses = _from_quaternions(_quaternion_first(rows[:, 4:], section), rows[:, 1:4])
+        stamps = _nanoseconds(rows[:, 0])
+    else:
+        poses, stamps, numbers = _read_csv(files[0], section)
+    poses = _to_color_world(poses, section, manifest)
+    _refuse_if_not_rigid(poses, files[0])
+    if stamps is not None:
+        stamps = stamps + round(section.clock_offset_ms * NS_PER_MS)
+    return Odometry(poses, stamps, numbers)
+
+
+def _read_matrix(path: Path) -> Array:
+    rows = _read_numbers(path, 4)
+    if rows.shape not in ((4, 4), (3, 4)):
+        raise DataError(f"{path}: expected a 4×4 or 3×4 matrix, found {rows.shape[0]} lines.")
+    return np.vstack([rows, [0.0, 0.0, 0.0, 1.0]]) if len(rows) == 3 else rows
+
+
+def _read_numbers(path: Path, n_columns: int) -> Array:
+    """Lines of numbers, comments (#) and blank lines left out: (lines, n_columns)."""
+    rows = []
+    for number, line in enumerate(_lines(path), start=1):
+        text = line.split("#", 1)[0].replace(",", " ").strip()
+        if not text:
+            continue
+        parts = text.split()
+        if len(parts) != n_columns:
+            raise DataError(
+                f"{path}, line {number}: expected {n_columns} numbers, found {len(parts)}. "
+                "Check odometry.format."
+            )
+        rows.append([_number(part, path, number) for part in parts])
+    return np.array(rows, dtype=np.float64).reshape(-1, n_columns)
+
+
+def _number(text: str, path: Path, line: int) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise DataError(
+            f"{path}, line {line}: {text[:30]!r} is no number. Check odometry.format."
+        ) from None
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8-sig").splitlines()
+    except FileNotFoundError:
+        raise DataError(f"{path}: no such trajectory file. Check odometry.path.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: cannot be read as text ({error}).") from None
+
+
+def _numbers_by_line(path: Path, n_lines: int, frames: Sequence[FrameFile]) -> NDArray[np.int64]:
+    """Frame numbers of a file with one line per frame, which starts at the first frame."""
+    first = frames[0].frame_index if frames else 0
+    last = frames[-1].frame_index if frames else -1
+    if n_lines == len(frames):
+        return np.array([frame.frame_index for frame in frames], dtype=np.int64)
+    if n_lines > last:
+        return np.arange(n_lines, dtype=np.int64)
+    raise DataError(
+        f"{path}: {n_lines} lines for {len(frames)} frames numbered {first} to {last}. "
+        "A KITTI file has one line per frame; use TUM or CSV where frames are missing."
+    )
+
+
+def _read_csv(
+    path: Path, section: OdometrySection
+) -> tuple[Array, NDArray[np.int64] | None, NDArray[np.int64] | None]:
+    """CSV with a header; `odometry.columns` maps our names to the file's."""
+    reader = csv.DictReader(_lines(path))
+    header = [name.strip() for name in reader.fieldnames or []]
+    reader.fieldnames = header
+
+    def column(name: str) -> str | None:
+        wanted = section.columns.get(name, name)
+        return wanted if wanted in header else None
+
+    for name in CSV_COLUMNS:
+        if column(name) is None:
+            wanted = section.columns.get(name, name)
+            raise DataError(
+                f"{path}: no column {wanted!r}.{did_you_mean(wanted, header)} "
+                f'Name it in the manifest: odometry.columns = {{ {name} = "…" }}.'
+            )
+    rows = list(reader)
+    texts = {
+        name: [row[of_file] or "nan" for row in rows]
+        for name in (*CSV_COLUMNS, "frame_index", "timestamp_ns", "timestamp_s")
+        if (of_file := column(name)) is not None
+    }
+    values = {
+        name: np.array([_number(text, path, i + 2) for i, text in enumerate(column_texts)])
+        for name, column_texts in texts.items()
+    }
+    quaternion = np.stack([values[n] for n in ("qw", "qx", "qy", "qz")], axis=-1)
+    poses = _from_quaternions(
+        quaternion, np.stack([values[n] for n in ("tx", "ty", "tz")], axis=-1)
+    )
+    if "frame_index" in values:
+        return poses, None, values["frame_index"].astype(np.int64)
+    if "timestamp_ns" in values:
+        exact = [int(text) if text.isdigit() else NO_STAMP for text in texts["timestamp_ns"]]
+        return poses, np.array(exact, dtype=np.int64), None
+    if "timestamp_s" in values:
+        return poses, _nanoseconds(values["timestamp_s"]), None
+    raise DataError(
+        f"{path}: no column frame_index, timestamp_ns or timestamp_s. "
+        'Name one in the manifest: odometry.columns = { timestamp_s = "…" }.'
+    )
+
+
+def _quaternion_first(rows: Array, section: OdometrySection) -> Array:
+    """Quaternions as w, x, y, z."""
+    return rows[:, [3, 0, 1, 2]] if section.quaternion_order == "xyzw" else rows
+
+
+def _from_quaternions(quaternion_wxyz: Array, translation: Array) -> Array:
+    """Transforms; NaN where a quaternion is not finite or has no length near 1."""
+    length = np.linalg.norm(quaternion_wxyz, axis=-1)
+    good = np.isfinite(length) & (np.abs(length - 1) < 0.1)
+    poses = np.full((len(length), 4, 4), np.nan)
+    poses[good] = make_transform(matrix_from_quaternion(quaternion_wxyz[good]), translation[good])
+    return poses
+
+
+def _nanoseconds(seconds: Array) -> NDArray[np.int64]:
+    """Nanoseconds; a stamp that is not finite becomes `NO_STAMP`."""
+    finite = np.isfinite(seconds)
+    stamps = np.full(len(seconds), NO_STAMP, dtype=np.int64)
+    whole = np.floor(seconds[finite])
+    stamps[finite] = whole.astype(np.int64) * NS_PER_S + np.round(
+        (seconds[finite] - whole) * NS_PER_S
+    ).astype(np.int64)
+    return stamps
+
+
+def _to_color_world(poses: Array, section: OdometrySection, manifest: Manifest) -> Array:
+    """Poses as read → world_from_color in metres."""
+    poses = poses.copy()
+    poses[:, :3, 3] *= section.unit_m
+    if section.convention == "cam_from_world":
+        good = is_rigid(poses)
+        poses[~good] = np.nan
+        rotation = np.swapaxes(poses[:, :3, :3], -1, -2)
+        translation = -np.einsum("pij,pj->pi", rotation, poses[:, :3, 3])
+        poses[:, :3, :3], poses[:, :3, 3] = rotation, translation
+    if section.camera == "depth" and manifest.camera.color_from_depth is not None:
+        color_from_depth = np.array(manifest.camera.color_from_depth)
+        poses = poses @ np.linalg.inv(color_from_depth)
+    return poses
+
+
+def _refuse_if_not_rigid(poses: Array, path: Path) -> None:
+    finite = np.isfinite(poses).all(axis=(-2, -1))
+    distorted = finite & ~is_rigid(poses)
+    if distorted.sum() > 0.5 * max(finite.sum(), 1):
+        raise DataError(
+            f"{path}: {distorted.sum()} of {len(poses)} poses are not rigid transforms. "
+            "Check odometry.format and that matrices stand row by row."
+        )

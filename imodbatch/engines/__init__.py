@@ -1,0 +1,1 @@
+"""The only importers of heavy libraries: torch, open3d, pycolmap, faster-coco-eval."""

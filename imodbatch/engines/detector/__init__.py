@@ -1,0 +1,12 @@
+"""Faster R-CNN whose classes are (category, elevation bin, azimuth bin), one softmax per box.
+
+Where to read, in order:
+
+- `card`: what a checkpoint is (JSON beside the weights), the order of the score columns. No torch.
+- `detections`: what the detector returns for one image. No torch.
+- `backbone`, `heads`, `network`: the network, from torchvision's parts.
+- `checkpoint`: float16 safetensors in and out.
+- `folding`, `inference`: `load_detector` and the `Detector` that a stage calls.
+
+This file imports none of them, so that reading a card does not load torch.
+"""

@@ -1,0 +1,286 @@
+"""A dataset split as data: where it lies, how it is laid out, which cameras, classes, sequences.
+
+Paths are relative to `root`, and `root` to the manifest; ``${NAME}`` is an environment variable.
+``{sequence}`` in a path stands for the sequence's own `path`, ``{frame}`` for a frame number.
+"""
+
+import os
+import re
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from imodbatch.config import StrictModel, read_toml, validate
+from imodbatch.core.camera import PinholeCamera
+from imodbatch.core.frames import is_rigid
+from imodbatch.errors import ConfigError
+
+Pixels = Annotated[int, Field(ge=1)]
+Focal = Annotated[float, Field(gt=0)]
+Vector = tuple[float, float, float]
+Row = tuple[float, float, float, float]
+
+
+class Intrinsics(StrictModel):
+    """Image size and pinhole intrinsics."""
+
+    width_px: Pixels
+    height_px: Pixels
+    fx_px: Focal
+    fy_px: Focal
+    cx_px: float
+    cy_px: float
+
+    def camera(self, pixel_origin: str) -> PinholeCamera:
+        """The camera in continuous pixels; `pixel_origin` says where cx and cy count from."""
+        shift = 0.5 if pixel_origin == "center" else 0.0
+        return PinholeCamera(
+            self.width_px,
+            self.height_px,
+            self.fx_px,
+            self.fy_px,
+            self.cx_px + shift,
+            self.cy_px + shift,
+        )
+
+
+class DepthSection(StrictModel):
+    """`camera.depth`: what the numbers mean, and intrinsics where they differ from the colour's.
+
+    Without intrinsics the depth image is registered to the colour image.
+    """
+
+    scale_m: Annotated[float, Field(gt=0)] = 0.001
+    invalid: tuple[int, ...] = (0,)
+    width_px: Pixels | None = None
+    height_px: Pixels | None = None
+    fx_px: Focal | None = None
+    fy_px: Focal | None = None
+    cx_px: float | None = None
+    cy_px: float | None = None
+
+    @model_validator(mode="after")
+    def _all_or_none(self) -> "DepthSection":
+        missing = [name for name in Intrinsics.model_fields if getattr(self, name) is None]
+        if missing and len(missing) < len(Intrinsics.model_fields):
+            raise ValueError(f"{', '.join(missing)} missing; give all six intrinsics or none")
+        return self
+
+    def intrinsics(self) -> Intrinsics | None:
+        """The depth camera's own intrinsics, if it has any."""
+        values = {name: getattr(self, name) for name in Intrinsics.model_fields}
+        return None if values["width_px"] is None else Intrinsics(**values)
+
+
+class CameraSection(StrictModel):
+    """`[camera]`: overrides what the dataset says of its cameras."""
+
+    color: Intrinsics | None = None
+    depth: DepthSection | None = None
+    pixel_origin: Literal["corner", "center"] = "corner"
+    color_from_depth: tuple[Row, Row, Row, Row] | None = None
+
+    @field_validator("color_from_depth")
+    @classmethod
+    def _is_rigid(cls, rows: tuple[Row, ...] | None) -> tuple[Row, ...] | None:
+        if rows is not None and not is_rigid(np.array(rows)):
+            raise ValueError("must be a 4×4 rigid transform in metres, row by row")
+        return rows
+
+
+class WorldSection(StrictModel):
+    """`[world]`: which direction of the poses' world points up."""
+
+    up: Literal["+x", "-x", "+y", "-y", "+z", "-z", "estimate"] | Vector = "+z"
+
+    @field_validator("up")
+    @classmethod
+    def _is_a_direction(cls, up: str | Vector) -> str | Vector:
+        if not isinstance(up, str) and not np.linalg.norm(up) > 0:
+            raise ValueError("must be a direction such as '+z' or [0.0, -1.0, 0.1]")
+        return up
+
+    def direction(self) -> Vector | None:
+        """The up direction in the poses' world; None = to be estimated."""
+        if not isinstance(self.up, str):
+            return self.up
+        if self.up == "estimate":
+            return None
+        sign = 1.0 if self.up[0] == "+" else -1.0
+        x, y, z = (sign * (axis == self.up[1]) for axis in "xyz")
+        return (x, y, z)
+
+
+class ImagesSection(StrictModel):
+    """`[images]` of a plain folder: patterns below a sequence's path.
+
+    ``{frame}`` is an integer (zero-padded or not), ``{stamp}`` a time in seconds, ``{name}`` any
+    name, numbered in natural order.
+    """
+
+    color: str
+    depth: str | None = None
+    timestamps: str | None = None
+    frames_per_second: Annotated[float, Field(gt=0)] | None = None
+    max_gap_ms: Annotated[float, Field(ge=0)] = 20.0
+
+
+class OdometrySection(StrictModel):
+    """`[odometry]`: camera poses that come with the dataset."""
+
+    format: Literal["tum", "kitti", "matrix", "csv"]
+    path: str
+    convention: Literal["world_from_cam", "cam_from_world"] = "world_from_cam"
+    camera: Literal["color", "depth"] = "color"
+    quaternion_order: Literal["xyzw", "wxyz"] = "xyzw"
+    clock_offset_ms: float = 0.0
+    unit_m: Annotated[float, Field(gt=0)] = 1.0
+    columns: dict[str, str] = Field(default_factory=dict)
+
+
+class AnnotationsSection(StrictModel):
+    """`[annotations]`: true boxes."""
+
+    format: Literal["coco", "voc", "yolo", "none"] = "none"
+    path: str | None = None
+    rename: dict[str, str] = Field(default_factory=dict)
+    names: tuple[str, ...] = ()
+    unknown_classes: Literal["error", "skip"] = "skip"
+    outside: Literal["error", "clip"] = "clip"
+
+    @model_validator(mode="after")
+    def _has_path(self) -> "AnnotationsSection":
+        if self.format != "none" and self.path is None:
+            raise ValueError("path is needed with this format")
+        return self
+
+
+class DetectionsSection(StrictModel):
+    """`[detections]`: another detector's results in place of running one."""
+
+    format: Literal["coco", "parquet", "csv"]
+    path: str
+    images: str | None = None
+    rename: dict[str, str] = Field(default_factory=dict)
+    unknown_frames: Literal["error", "skip"] = "error"
+    n_azimuths: Annotated[int, Field(ge=1)] = 1
+    elevations_deg: tuple[float, ...] = ()
+
+
+class SequenceSection(StrictModel):
+    """`[[sequences]]`: one walk through a scene."""
+
+    id: str
+    path: str = "."
+    frames: str | None = None
+
+    @field_validator("id")
+    @classmethod
+    def _is_a_file_name(cls, name: str) -> str:
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
+            raise ValueError("must be made of letters, digits, '.', '_', '-' (it names a file)")
+        return name
+
+    @field_validator("frames")
+    @classmethod
+    def _is_a_slice(cls, text: str | None) -> str | None:
+        if text is not None and not re.fullmatch(r"\d*:\d*(:[1-9]\d*)?", text):
+            raise ValueError("must be start:stop or start:stop:step, such as '0:450'")
+        return text
+
+    def keeps(self, frame_index: int) -> bool:
+        """Whether the slice holds a frame number of the dataset."""
+        if self.frames is None:
+            return True
+        start, stop, step = [int(p) if p else None for p in (self.frames + "::").split(":")[:3]]
+        if frame_index < (start or 0) or (stop is not None and frame_index >= stop):
+            return False
+        return (frame_index - (start or 0)) % (step or 1) == 0
+
+
+class Manifest(StrictModel):
+    """A dataset split, checked. `folder` is where the manifest lies."""
+
+    name: str
+    description: str = ""
+    adapter: str
+    root: str = "."
+    classes: Annotated[tuple[str, ...], Field(min_length=1)]
+    camera: CameraSection = CameraSection()
+    world: WorldSection = WorldSection()
+    images: ImagesSection | None = None
+    odometry: OdometrySection | None = None
+    annotations: AnnotationsSection = AnnotationsSection()
+    detections: DetectionsSection | None = None
+    sequences: Annotated[tuple[SequenceSection, ...], Field(min_length=1)]
+    folder: Path = Field(default=Path(), exclude=True)
+
+    @field_validator("name")
+    @classmethod
+    def _is_a_file_name(cls, name: str) -> str:
+        return SequenceSection._is_a_file_name(name)
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> "Manifest":
+        for what, names in (
+            ("classes", self.classes),
+            ("sequences", [sequence.id for sequence in self.sequences]),
+        ):
+            name, count = Counter(names).most_common(1)[0]
+            if count > 1:
+                raise ValueError(f"{what}: {name!r} stands {count} times")
+        return self
+
+    @property
+    def root_path(self) -> Path:
+        """The dataset's root folder."""
+        return self.folder / self.root
+
+    def sequence(self, sequence_id: str) -> SequenceSection:
+        """The sequence of that id."""
+        return next(s for s in self.sequences if s.id == sequence_id)
+
+    def path_in(self, sequence: SequenceSection, pattern: str) -> Path:
+        """A file named in the manifest, for one sequence.
+
+        With ``{sequence}`` in it the path is relative to the root, else it is looked for in the
+        sequence's folder first and in the root second.
+        """
+        if "{sequence}" in pattern:
+            return self.root_path / pattern.replace("{sequence}", sequence.path)
+        beside = self.root_path / sequence.path / pattern
+        return beside if beside.exists() else self.root_path / pattern
+
+
+def load_manifest(path: Path) -> Manifest:
+    """Read and check a manifest.
+
+    Raises:
+        ConfigError: missing, not TOML, an unknown key, an unset environment variable.
+    """
+    data = _expand(read_toml(path), str(path))
+    data["folder"] = path.resolve().parent
+    return validate(Manifest, data, str(path))
+
+
+def _expand(value: Any, where: str) -> Any:
+    """Replace ${NAME} in every string."""
+    if isinstance(value, dict):
+        return {key: _expand(item, where) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_expand(item, where) for item in value]
+    if isinstance(value, str):
+        return re.sub(r"\$\{(\w+)\}", lambda match: _variable(match[1], where), value)
+    return value
+
+
+def _variable(name: str, where: str) -> str:
+    if name not in os.environ:
+        raise ConfigError(
+            f"{where}: the environment variable {name} is not set. "
+            f"Set it to the folder that holds the data: export {name}=/path/to/data"
+        )
+    return os.environ[name]

@@ -1,0 +1,293 @@
+"""Up to date? read → step → write, one sequence after another or many at once.
+
+A table's provenance names everything its content depends on: package and schema versions, the
+settings of its step, the identity of its input tables, and the files outside. Where the provenance
+on disk equals the one expected, nothing is done; else the step is done again and its tables
+replaced. Whatever reads them then differs in its own provenance, and so on down the pipeline.
+"""
+
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+from tqdm import tqdm
+
+from imodbatch import __version__
+from imodbatch.errors import ConfigError, ImodError, TableError
+from imodbatch.manifest import SequenceSection
+from imodbatch.schemas import TABLES
+from imodbatch.stages.base import Progress
+from imodbatch.tables import (
+    PER_RUN,
+    TableInfo,
+    digest,
+    read_info,
+    read_table,
+    table_path,
+    write_table,
+)
+from imodbatch.wiring import STEPS, Context, Step
+
+UP_TO_DATE, DONE, FAILED = "up to date", "done", "failed"
+PER_RUN_LABEL = "all"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A run: what to do, for which sequences, and where the tables lie."""
+
+    context: Context
+    run_dir: Path
+    sequences: tuple[SequenceSection, ...]
+
+    def choose(self, ids: Iterable[str]) -> "Plan":
+        """The same for some of the sequences.
+
+        Raises:
+            ConfigError: an id that the manifest does not have.
+        """
+        ids = tuple(ids)
+        known = [sequence.id for sequence in self.sequences]
+        for name in ids:
+            if name not in known:
+                raise ConfigError(
+                    f"--sequence {name}: not in manifest {self.context.manifest.name}. "
+                    f"Known: {', '.join(known)}."
+                )
+        chosen = tuple(s for s in self.sequences if s.id in ids) if ids else self.sequences
+        return replace(self, sequences=chosen)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one step for one sequence: `message` is its summary, or its error."""
+
+    stage: str
+    label: str
+    state: str
+    message: str
+    warnings: tuple[str, ...] = ()
+
+
+def run_stage(
+    plan: Plan, stage: str, *, overwrite: bool = False, executor: Executor | None = None
+) -> Iterator[Outcome]:
+    """Bring a stage's tables up to date; one outcome per step and sequence.
+
+    A sequence that fails does not stop the others, but the stage's later steps are left out then.
+    """
+    for step in (step for step in STEPS if step.stage == stage):
+        failed = False
+        for outcome in _run_step(plan, step, overwrite, executor):
+            failed |= outcome.state == FAILED
+            yield outcome
+        if failed:
+            return
+
+
+def states(plan: Plan) -> Iterator[Outcome]:
+    """What each step would do, without doing it: its state is up to date, stale or missing."""
+    for step in STEPS:
+        for sequences in _units(plan, step):
+            label = _label(step, sequences)
+            infos = [read_info(path) for path in _output_paths(plan, step, sequences)]
+            if any(info is None for info in infos):
+                yield Outcome(step.stage, label, "missing", "")
+                continue
+            try:
+                current = _is_up_to_date(plan, step, sequences)
+                state, message = (UP_TO_DATE if current else "stale"), infos[0].summary  # type: ignore[union-attr]
+            except ImodError as error:
+                state, message = "stale", str(error)
+            yield Outcome(step.stage, label, state, message)
+
+
+def stale_inputs(plan: Plan, stage: str) -> list[str]:
+    """Tables a stage reads that no longer fit the settings given, as ``table of sequence``."""
+    needed = {table for step in STEPS if step.stage == stage for table in step.reads}
+    needed -= {table for step in STEPS if step.stage == stage for table in step.writes}
+    stale = []
+    for step in STEPS:
+        if not needed & set(step.writes) or step.stage == stage:
+            continue
+        for sequences in _units(plan, step):
+            exists = all(path.exists() for path in _output_paths(plan, step, sequences))
+            if exists and not _is_up_to_date(plan, step, sequences):
+                stale.append(f"{step.stage} {_label(step, sequences)}")
+    return stale
+
+
+def load(plan: Plan, table: str, columns: list[str] | None = None) -> pa.Table:
+    """A table of all chosen sequences, or of the run."""
+    spec = TABLES[table]
+    units = [PER_RUN] if spec.per_run else [sequence.id for sequence in plan.sequences]
+    parts = [_read(plan, table, unit) for unit in units]
+    joined = pa.concat_tables(part.select(columns or part.column_names) for part in parts)
+    return joined.combine_chunks()
+
+
+@contextmanager
+def open_executor(workers: int, scheduler: str | None) -> Iterator[Executor | None]:
+    """Local processes, a Dask scheduler's workers, or None = this process.
+
+    Raises:
+        ConfigError: the scheduler is not there, or `distributed` is not installed.
+    """
+    if scheduler is not None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise ConfigError(
+                "--scheduler needs Dask: pip install 'imodbatch[dask]', or use --workers."
+            ) from None
+        try:
+            with Client(scheduler, timeout="10s") as client:
+                yield client.get_executor()
+        except (OSError, TimeoutError):
+            raise ConfigError(
+                f"--scheduler {scheduler}: no Dask scheduler answers there. Start `dask scheduler`."
+            ) from None
+    elif workers > 1:
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            yield pool
+    else:
+        yield None
+
+
+def _units(plan: Plan, step: Step) -> list[tuple[SequenceSection, ...]]:
+    """The groups of sequences a step works on: each alone, or all together."""
+    return [plan.sequences] if step.per_run else [(sequence,) for sequence in plan.sequences]
+
+
+def _label(step: Step, sequences: tuple[SequenceSection, ...]) -> str:
+    return PER_RUN_LABEL if step.per_run else sequences[0].id
+
+
+def _run_step(
+    plan: Plan, step: Step, overwrite: bool, executor: Executor | None
+) -> Iterator[Outcome]:
+    units = _units(plan, step)
+    if executor is None or len(units) == 1:
+        for sequences in units:
+            yield _run_unit(plan, STEPS.index(step), sequences, overwrite, _bar(step, sequences))
+        return
+    futures = [
+        executor.submit(_run_unit, plan, STEPS.index(step), sequences, overwrite, iter)
+        for sequences in units
+    ]
+    done = tqdm(as_completed(futures), step.stage, len(futures), leave=False, disable=None)
+    yield from (future.result() for future in done)
+
+
+def _bar(step: Step, sequences: tuple[SequenceSection, ...]) -> Progress[Any]:
+    """A progress bar on stderr, shown where stderr is a terminal."""
+    title = f"{step.stage} {_label(step, sequences)}"
+    return lambda items: tqdm(items, title, leave=False, disable=None)
+
+
+def _run_unit(
+    plan: Plan,
+    step_number: int,
+    sequences: tuple[SequenceSection, ...],
+    overwrite: bool,
+    progress: Progress[Any],
+) -> Outcome:
+    """One step for one sequence (or the whole run); errors become outcomes."""
+    step = STEPS[step_number]
+    label = _label(step, sequences)
+    try:
+        if not overwrite and _is_up_to_date(plan, step, sequences):
+            info = read_info(_output_paths(plan, step, sequences)[0])
+            return Outcome(step.stage, label, UP_TO_DATE, info.summary if info else "")
+        provenance = _provenance(plan, step, sequences)
+        tables = {name: load(replace(plan, sequences=sequences), name) for name in step.reads}
+        result = step.execute(plan.context, sequences[0], tables, progress)
+        for name, path in zip(step.writes, _output_paths(plan, step, sequences), strict=True):
+            spec = TABLES[name]
+            info = TableInfo(
+                name, spec.version, spec.key, provenance, result.summary, result.attributes
+            )
+            write_table(path, result.tables[name], info)
+    except ImodError as error:
+        return Outcome(step.stage, label, FAILED, str(error))
+    return Outcome(step.stage, label, DONE, result.summary, tuple(result.warnings))
+
+
+def _output_paths(plan: Plan, step: Step, sequences: tuple[SequenceSection, ...]) -> list[Path]:
+    unit = PER_RUN if step.per_run else sequences[0].id
+    return [table_path(plan.run_dir, name, unit) for name in step.writes]
+
+
+def _is_up_to_date(plan: Plan, step: Step, sequences: tuple[SequenceSection, ...]) -> bool:
+    infos = [read_info(path) for path in _output_paths(plan, step, sequences)]
+    if any(info is None for info in infos):
+        return False
+    expected = _provenance(plan, step, sequences)
+    return all(
+        info is not None
+        and info.version == TABLES[name].version
+        and digest(info.provenance) == digest(expected)
+        for name, info in zip(step.writes, infos, strict=True)
+    )
+
+
+def _provenance(plan: Plan, step: Step, sequences: tuple[SequenceSection, ...]) -> dict[str, Any]:
+    """Everything that the tables of a step depend on.
+
+    Raises:
+        TableError: a table it reads is missing.
+    """
+    settings = step.depends_on(plan.context, sequences[0])
+    inputs = {
+        name: {sequence.id: _identity(plan, name, sequence.id) for sequence in sequences}
+        for name in step.reads
+    }
+    files = step.files(plan.context, sequences[0])
+    return {
+        "imodbatch": __version__,
+        "stage": step.stage,
+        "settings": settings,
+        "inputs": inputs,
+        "files": _files_digest(files, plan.context.manifest.root_path),
+    }
+
+
+def _identity(plan: Plan, table: str, sequence_id: str) -> str:
+    spec = TABLES[table]
+    path = table_path(plan.run_dir, table, PER_RUN if spec.per_run else sequence_id)
+    info = read_info(path)
+    if info is None:
+        _explain_missing(path, table)
+    return info.digest  # type: ignore[union-attr]
+
+
+def _read(plan: Plan, table: str, unit: str) -> pa.Table:
+    path = table_path(plan.run_dir, table, unit)
+    if not path.exists():
+        _explain_missing(path, table)
+    return read_table(path, TABLES[table])
+
+
+def _explain_missing(path: Path, table: str) -> None:
+    """Say which stage writes a table that is not there or cannot be read."""
+    stage = next(step.stage for step in STEPS if table in step.writes)
+    fault = "damaged" if path.exists() else "no such table"
+    raise TableError(f"{path}: {fault}. Run `imodbatch {stage}` or `imodbatch run` first.")
+
+
+def _files_digest(files: Iterable[Path], root: Path) -> str:
+    """Digest of paths, sizes and modification times; a missing file is a state of its own."""
+    facts: list[tuple[str, int, int]] = []
+    for path in files:
+        name = path.relative_to(root).as_posix() if path.is_relative_to(root) else str(path)
+        try:
+            stat = path.stat()
+            facts.append((name, stat.st_size, stat.st_mtime_ns))
+        except OSError:
+            facts.append((name, -1, -1))
+    return digest(sorted(facts))

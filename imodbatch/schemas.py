@@ -1,0 +1,271 @@
+"""The data dictionary: every table that flows between stages, its columns, key and version.
+
+Rules: keys hold no floats and never repeat; null means unknown, never 0 or −1; units live in names
+(_m, _px, _rad, _ns); every ordinal counts from 0. `RUN_DIR/<table>/<sequence_id>.parquet` holds one
+sequence, so ``pandas.read_parquet(RUN_DIR / "fused")`` reads a whole run.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import pyarrow as pa
+
+MEAN_CLASS_ID = -1
+"""`metrics.class_id` of a mean over the classes that have the metric."""
+BACKGROUND_CLASS_ID = -2
+"""`metrics.class_id` of the background, counted in pixels."""
+SEVERAL_IOUS = 0
+"""`metrics.iou_percent` of a metric averaged over IoU .50 to .95."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: Arrow type, meaning, and whether null (= unknown) is allowed."""
+
+    name: str
+    dtype: pa.DataType
+    meaning: str
+    nullable: bool = False
+
+
+@dataclass(frozen=True)
+class TableSpec:
+    """A table: its columns in order, the columns that form its key, and the schema's version."""
+
+    name: str
+    key: tuple[str, ...]
+    columns: tuple[Column, ...]
+    per_run: bool = False
+    version: int = 1
+
+    @cached_property
+    def schema(self) -> pa.Schema:
+        """The Arrow schema; a field's metadata carries its meaning."""
+        return pa.schema(
+            [
+                pa.field(c.name, c.dtype, c.nullable, metadata={"meaning": c.meaning})
+                for c in self.columns
+            ]
+        )
+
+
+def _columns(dtype: pa.DataType, nullable: bool, **meanings: str) -> tuple[Column, ...]:
+    return tuple(Column(name, dtype, meaning, nullable) for name, meaning in meanings.items())
+
+
+STRING, I64, I32, I16 = pa.string(), pa.int64(), pa.int32(), pa.int16()
+F64, F32, BOOL = pa.float64(), pa.float32(), pa.bool_()
+
+SEQUENCE_KEY = (Column("sequence_id", STRING, "sequence, as named in the manifest"),)
+FRAME_KEY = (*SEQUENCE_KEY, Column("frame_index", I32, "the dataset's own frame number"))
+DETECTION_KEY = (*FRAME_KEY, Column("detection_index", I32, "ordinal of the box in its frame"))
+METHOD = Column("method", STRING, "single, naive, naive_log, imod; *_offline: all frames are seen")
+CLASS_ID = Column("class_id", I16, "ordinal of the class in the manifest's list")
+FUSED_KEY = (*DETECTION_KEY, METHOD, CLASS_ID)
+IOU_PERCENT = Column("iou_percent", I16, "IoU from which on a box counts as right, percent")
+BOX = _columns(
+    F32,
+    False,
+    x0_px="left edge, continuous pixels (image corner = 0)",
+    y0_px="top edge",
+    x1_px="right edge",
+    y1_px="bottom edge",
+)
+
+
+def _names(columns: tuple[Column, ...]) -> tuple[str, ...]:
+    return tuple(column.name for column in columns)
+
+
+def _intrinsics(prefix: str, camera: str) -> tuple[Column, ...]:
+    return (
+        Column(f"{prefix}width_px", I32, f"{camera} image width"),
+        Column(f"{prefix}height_px", I32, f"{camera} image height"),
+        Column(f"{prefix}fx_px", F64, f"{camera} focal length, x"),
+        Column(f"{prefix}fy_px", F64, f"{camera} focal length, y"),
+        Column(f"{prefix}cx_px", F64, f"{camera} principal point, x, continuous pixels"),
+        Column(f"{prefix}cy_px", F64, f"{camera} principal point, y, continuous pixels"),
+    )
+
+
+FRAMES = TableSpec(
+    "frames",
+    _names(FRAME_KEY),
+    (
+        *FRAME_KEY,
+        Column("timestamp_ns", I64, "moment of the colour image", nullable=True),
+        Column("color_path", STRING, "colour image, relative to the manifest's root"),
+        Column("depth_path", STRING, "depth image, likewise; null = none", nullable=True),
+        Column("depth_scale_m", F64, "metres per unit of the depth image"),
+        *_intrinsics("", "colour"),
+        *_intrinsics("depth_", "depth"),
+        Column(
+            "color_from_depth",
+            pa.list_(F64),
+            "4×4 transform between the cameras, row by row; null = they coincide",
+            nullable=True,
+        ),
+    ),
+)
+ANNOTATIONS = TableSpec(
+    "annotations",
+    (*_names(FRAME_KEY), "annotation_index"),
+    (
+        *FRAME_KEY,
+        Column("annotation_index", I32, "ordinal of the annotation in its frame"),
+        CLASS_ID,
+        *BOX,
+        Column("is_ignored", BOOL, "counts neither as found nor as missed (difficult, cut off)"),
+        Column("is_crowd", BOOL, "one box around several objects; ignored too"),
+        Column("instance_id", STRING, "the physical object", nullable=True),
+    ),
+)
+POSES = TableSpec(
+    "poses",
+    _names(FRAME_KEY),
+    (
+        *FRAME_KEY,
+        *_columns(
+            F64,
+            True,
+            tx_m="camera centre in the levelled world (+z up), x; null = lost",
+            ty_m="camera centre, y",
+            tz_m="camera centre, z",
+            qw="rotation world_from_cam, quaternion w",
+            qx="quaternion x",
+            qy="quaternion y",
+            qz="quaternion z",
+        ),
+        Column("status", STRING, "tracked, interpolated, lost"),
+    ),
+)
+DETECTIONS = TableSpec(
+    "detections",
+    _names(DETECTION_KEY),
+    (
+        *DETECTION_KEY,
+        *BOX,
+        Column("background_score", F32, "softmax value of the background"),
+        Column("class_ids", pa.list_(I16), "classes for which the box survived threshold and NMS"),
+        Column(
+            "view_scores",
+            pa.list_(F32),
+            "softmax values in C order of [class, elevation, azimuth]; one per class where the "
+            "detector knows no viewpoints; an exact 0 = nothing said",
+        ),
+    ),
+)
+OBSERVATIONS = TableSpec(
+    "observations",
+    _names(DETECTION_KEY),
+    (
+        *DETECTION_KEY,
+        Column("status", STRING, "placed, no_depth, unreadable_depth, no_pose, out_of_range"),
+        Column("depth_m", F32, "z-depth of the box", nullable=True),
+        *_columns(
+            F64, True, x_m="place in the world, x", y_m="place in the world, y", z_m="height"
+        ),
+        *_columns(I32, True, voxel_i="voxel index along x", voxel_j="along y", voxel_k="along z"),
+        *_columns(
+            F32,
+            True,
+            azimuth_rad="direction from object to camera about +z, [0, 2π)",
+            elevation_rad="the same above the horizon",
+        ),
+        *_columns(
+            I16, True, azimuth_bin="geometric azimuth bin", elevation_bin="geometric elevation bin"
+        ),
+    ),
+)
+FUSED = TableSpec(
+    "fused",
+    _names(FUSED_KEY),
+    (
+        *FUSED_KEY,
+        Column("score", F32, "the method's score; the single-view score where n_cells is 0"),
+        Column("pose_bin", I16, "best pose hypothesis d; yaw = −d·2π/N", nullable=True),
+        Column("n_cells", I16, "slots (imod) or frames (naive) behind it; 0 = not placed"),
+    ),
+)
+OBJECTS = TableSpec(
+    "objects",
+    ("sequence_id", "method", "object_index"),
+    (
+        *SEQUENCE_KEY,
+        METHOD,
+        Column("object_index", I32, "ordinal by descending score"),
+        CLASS_ID,
+        Column("score", F32, "largest fused score of the voxel over classes, after all frames"),
+        *_columns(F64, False, x_m="mean place of its boxes, x", y_m="y", z_m="z"),
+        Column("yaw_rad", F32, "rotation about +z; null without viewpoint classes", nullable=True),
+        Column("extent_x_m", F32, "median width of its boxes at their depth"),
+        Column("extent_z_m", F32, "median height of its boxes at their depth"),
+        *_columns(I32, False, n_detections="boxes placed in the voxel", n_cells="slots filled"),
+        *_columns(I32, False, first_frame_index="first sighting", last_frame_index="last sighting"),
+    ),
+)
+MATCHES = TableSpec(
+    "matches",
+    (*_names(FUSED_KEY), "iou_percent"),
+    (
+        *FUSED_KEY,
+        IOU_PERCENT,
+        Column("score", F32, "as in fused"),
+        Column("outcome", STRING, "true_positive, false_positive, ignored"),
+        Column("annotation_index", I32, "the matched annotation", nullable=True),
+        Column("iou", F32, "IoU with it, or the best one of a false positive", nullable=True),
+    ),
+)
+METRICS = TableSpec(
+    "metrics",
+    ("method", "class_id", "iou_percent", "metric"),
+    (
+        METHOD,
+        Column("class_id", I16, f"{MEAN_CLASS_ID} = mean, {BACKGROUND_CLASS_ID} = background"),
+        IOU_PERCENT,
+        Column("metric", STRING, "ap_voc07_11pt, ap_area, ap_coco, precision, recall, f1, …"),
+        Column("class_name", STRING, "class, or mean, or background"),
+        Column("value", F64, "the figure; null = the class has no annotation", nullable=True),
+        *_columns(I64, False, n_annotations="that count", n_detections="that count"),
+    ),
+    per_run=True,
+)
+SWEEPS = TableSpec(
+    "sweeps",
+    ("method", "voxel_mm", "metric"),
+    (
+        METHOD,
+        Column("voxel_mm", I32, "voxel edge in millimetres"),
+        Column("metric", STRING, "ap_voc07_11pt, mean over classes"),
+        Column("value", F64, "the figure", nullable=True),
+    ),
+    per_run=True,
+)
+LOSSES = TableSpec(
+    "losses",
+    ("class_id", "cause"),
+    (
+        CLASS_ID,
+        Column("cause", STRING, "what holds fusion back: see `core.diagnosis`"),
+        Column("value", F64, "share or metres", nullable=True),
+        Column("n", I64, "cases behind the value"),
+    ),
+    per_run=True,
+)
+
+TABLES = {
+    spec.name: spec
+    for spec in (
+        FRAMES,
+        ANNOTATIONS,
+        POSES,
+        DETECTIONS,
+        OBSERVATIONS,
+        FUSED,
+        OBJECTS,
+        MATCHES,
+        METRICS,
+        SWEEPS,
+        LOSSES,
+    )
+}

@@ -1,0 +1,1 @@
+"""Datasets made from nothing: scenes whose truth is known exactly."""

@@ -1,0 +1,118 @@
+"""How a walk lies on disk: PNG images, a TUM trajectory, COCO annotations, Parquet detections."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+from PIL import Image
+
+from imodbatch.core.frames import quaternion_from_matrix
+from imodbatch.schemas import BOX
+from imodbatch.simulation.analytic.catalogue import CLASSES
+from imodbatch.simulation.analytic.detector import Detection
+from imodbatch.simulation.analytic.sensor import to_millimetres
+from imodbatch.simulation.analytic.sequence import CAMERA, Frame
+from imodbatch.simulation.analytic.truth import TrueObject
+
+FRAMES_PER_SECOND = 10
+BOX_COLUMNS = tuple(column.name for column in BOX)
+
+
+def frame_file(kind: str, frame_index: int) -> str:
+    """An image's path within its sequence; kind is ``color`` or ``depth``."""
+    return f"{kind}/{frame_index:06d}.png"
+
+
+def write_images(sequence_folder: Path, frame_index: int, frame: Frame) -> None:
+    """Colour as 8-bit RGB, measured depth as 16-bit millimetres (0 = none)."""
+    images = {
+        "color": Image.fromarray(frame.color),
+        "depth": Image.fromarray(to_millimetres(frame.measured_depth_m)),
+    }
+    for kind, image in images.items():
+        path = sequence_folder / frame_file(kind, frame_index)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        image.save(path)
+
+
+def write_trajectory(path: Path, world_from_cam: NDArray[np.float64]) -> None:
+    """Poses (F, 4, 4) as TUM lines ``stamp tx ty tz qx qy qz qw``, world_from_cam."""
+    lines = ["# stamp_s tx_m ty_m tz_m qx qy qz qw: camera in the world, +z up"]
+    for frame_index, pose in enumerate(world_from_cam):
+        w, x, y, z = quaternion_from_matrix(pose[:3, :3])
+        numbers = " ".join(f"{value:.12f}" for value in (*pose[:3, 3], x, y, z, w))
+        lines.append(f"{frame_index / FRAMES_PER_SECOND:.6f} {numbers}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def write_annotations(path: Path, seen_by_frame: Sequence[Sequence[TrueObject]]) -> None:
+    """True boxes as COCO; `ignore` = 1 where an object is cut off or mostly hidden."""
+    annotations = [
+        _coco_annotation(frame_index, true)
+        for frame_index, seen in enumerate(seen_by_frame)
+        for true in seen
+    ]
+    images = [
+        {
+            "id": frame_index,
+            "file_name": frame_file("color", frame_index),
+            "width": CAMERA.width_px,
+            "height": CAMERA.height_px,
+        }
+        for frame_index in range(len(seen_by_frame))
+    ]
+    content = {
+        "info": {"description": "Analytic scene: exact boxes, continuous pixels (corner = 0)."},
+        "images": images,
+        "categories": [{"id": k + 1, "name": name} for k, name in enumerate(CLASSES)],
+        "annotations": [{"id": i + 1, **entry} for i, entry in enumerate(annotations)],
+    }
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def _coco_annotation(frame_index: int, true: TrueObject) -> dict[str, Any]:
+    x0, y0, x1, y1 = true.box_px
+    return {
+        "image_id": frame_index,
+        "category_id": true.class_id + 1,
+        "bbox": [x0, y0, x1 - x0, y1 - y0],
+        "area": true.n_pixels,
+        "iscrowd": 0,
+        "ignore": int(true.is_ignored),
+        "instance": true.instance_id,
+    }
+
+
+def detection_rows(
+    sequence_id: str, frame_index: int, detections: Sequence[Detection]
+) -> list[dict[str, Any]]:
+    """Rows of the detections' table."""
+    return [
+        {
+            "sequence_id": sequence_id,
+            "frame_index": frame_index,
+            **dict(zip(BOX_COLUMNS, found.box_px.tolist(), strict=True)),
+            "view_scores": found.view_scores.ravel(),
+            "background_score": found.background_score,
+        }
+        for found in detections
+    ]
+
+
+def write_detections(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Boxes and whole score vectors, C order of [class, elevation, azimuth]."""
+    schema = pa.schema(
+        [
+            ("sequence_id", pa.string()),
+            ("frame_index", pa.int32()),
+            *((name, pa.float32()) for name in BOX_COLUMNS),
+            ("view_scores", pa.list_(pa.float32())),
+            ("background_score", pa.float32()),
+        ]
+    )
+    pq.write_table(pa.Table.from_pylist(rows, schema=schema), path, compression="zstd")

@@ -1,0 +1,104 @@
+"""What every stage returns, and how it says in one line what became of its rows."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from imodbatch.core.frames import make_transform, matrix_from_quaternion
+from imodbatch.core.scoring import Truth
+from imodbatch.core.trajectory import LOST
+
+T = TypeVar("T")
+Progress = Callable[[Iterable[T]], Iterable[T]]
+
+
+@dataclass(frozen=True)
+class StageResult:
+    """Tables by name, a summary that adds up, warnings, and figures that are not rows."""
+
+    tables: dict[str, pa.Table]
+    summary: str
+    warnings: list[str] = field(default_factory=list)
+    attributes: dict[str, Any] = field(default_factory=dict)
+
+
+def tally(total: int, noun: str, parts: Mapping[str, int]) -> str:
+    """``450 frames = 448 tracked + 2 lost``; a part that is 0 is left out unless all are."""
+    if sum(parts.values()) != total:
+        raise AssertionError(f"{total} {noun} do not equal {dict(parts)}")
+    shown = {name: count for name, count in parts.items() if count} or dict(list(parts.items())[:1])
+    terms = " + ".join(f"{count:,} {name}" for name, count in shown.items())
+    return f"{total:,} {noun} = {terms}"
+
+
+def column(table: pa.Table, name: str) -> NDArray[Any]:
+    """A column as a numpy array; null numbers become NaN."""
+    return np.asarray(table[name].to_numpy(zero_copy_only=False))
+
+
+def boxes_of(table: pa.Table) -> NDArray[np.float64]:
+    """Boxes (n, 4) of a table with box columns."""
+    names = ("x0_px", "y0_px", "x1_px", "y1_px")
+    return np.stack([column(table, name) for name in names], axis=-1).astype(np.float64)
+
+
+def view_scores_of(detections: pa.Table, n_classes: int) -> NDArray[np.float32]:
+    """Score vectors (n, n_classes, values per class), not yet cut into elevations and azimuths."""
+    flat = detections["view_scores"].combine_chunks().flatten().to_numpy(zero_copy_only=False)
+    if detections.num_rows == 0:
+        return np.zeros((0, n_classes, 1), dtype=np.float32)
+    return flat.reshape(detections.num_rows, n_classes, -1)
+
+
+def rows_by_frame(table: pa.Table) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Frame numbers in rising order, each with the positions of its rows."""
+    frame = column(table, "frame_index")
+    order = np.argsort(frame, kind="stable")
+    if len(order) == 0:
+        return
+    values, starts = np.unique(frame[order], return_index=True)
+    for value, rows in zip(values, np.split(order, starts[1:]), strict=True):
+        yield int(value), rows
+
+
+def world_from_cam_of(poses: pa.Table) -> dict[int, NDArray[np.float64]]:
+    """Frame number → world_from_cam (4, 4), for the frames that are not lost."""
+    known = poses.filter(pc.not_equal(poses["status"], LOST))
+    if known.num_rows == 0:
+        return {}
+    quaternion = np.stack([column(known, name) for name in ("qw", "qx", "qy", "qz")], axis=-1)
+    center = np.stack([column(known, name) for name in ("tx_m", "ty_m", "tz_m")], axis=-1)
+    transforms = make_transform(matrix_from_quaternion(quaternion), center)
+    return dict(zip(column(known, "frame_index").tolist(), transforms, strict=True))
+
+
+def truth_of(annotations: pa.Table, image: NDArray[np.int64]) -> Truth:
+    """Annotations as the core takes them; `image` (A,) numbers their images."""
+    return Truth(
+        image=image.astype(np.int64),
+        class_id=column(annotations, "class_id").astype(np.int64),
+        boxes=boxes_of(annotations),
+        is_ignored=column(annotations, "is_ignored").astype(np.bool_),
+        is_crowd=column(annotations, "is_crowd").astype(np.bool_),
+    )
+
+
+def image_shapes(frames: pa.Table) -> Iterator[tuple[tuple[str, int], tuple[int, int]]]:
+    """(sequence_id, frame_index) and (height, width) of every frame."""
+    names = ("sequence_id", "frame_index", "height_px", "width_px")
+    for sequence_id, frame, height, width in zip(
+        *(frames[name].to_pylist() for name in names), strict=True
+    ):
+        yield (sequence_id, frame), (height, width)
+
+
+def image_numbers(frames: pa.Table, table: pa.Table) -> NDArray[np.int64]:
+    """Number (n,) of each row's image: its position among the run's frames."""
+    number = {key: i for i, (key, _) in enumerate(image_shapes(frames))}
+    keys = zip(table["sequence_id"].to_pylist(), table["frame_index"].to_pylist(), strict=True)
+    return np.array([number[key] for key in keys], dtype=np.int64)
