@@ -206,7 +206,11 @@ def _running_cells(
     """
     changes = np.empty_like(votes)
     newly_filled = np.empty(enters.shape, dtype=np.int64)
-    for cell in np.unique(cells):
+    values, cell_of_row, n_visits = np.unique(cells, return_inverse=True, return_counts=True)
+    once = n_visits[cell_of_row] == 1
+    changes[once] = np.where(enters[once, :, None], votes[once], 0.0)
+    newly_filled[once] = enters[once]
+    for cell in values[n_visits > 1]:
         rows = np.flatnonzero(cells == cell)
         history = SLOT_HISTORY[cell_reduce](votes[rows], enters[rows])
         changes[rows] = np.diff(history, axis=0, prepend=0.0)

@@ -25,6 +25,7 @@ TOTAL = "all sequences"
 CAUSES = {
     "no_box": "no box near the annotation (share)",
     "loose_box": "only a loose box (share)",
+    "unplaced": "right boxes without a place (share)",
     "split_pairs": "pairs of sightings in different voxels (share)",
     "voxels_per_instance": "voxels per object (mean)",
     "place_spread_m": "scatter of places (m, median)",
@@ -33,6 +34,7 @@ CAUSES = {
     "ap_as_is": "AP as it is",
     "ap_iou_30": "AP if loose boxes counted",
     "ap_oracle_voxels": "AP with one voxel per object",
+    "ap_perfect_ranking": "AP if right boxes came first",
 }
 """Headings of the causes in `core.diagnosis`; others keep their own name."""
 

@@ -260,7 +260,7 @@ def _camera_centers(evidence: Evidence, poses: pa.Table) -> Array:
 
 
 def _ceilings(evidence: Evidence) -> list[dict[str, Any]]:
-    """AP of imod with looser boxes, and with a voxel of its own for each instance."""
+    """AP of imod with looser boxes, with a voxel of its own per instance, with a perfect ranking."""
     by_name = {variant.name: variant for variant in variants(evidence.pipeline.fuse)}
     chosen = by_name.get("imod") or by_name.get("imod_offline")
     if chosen is None or not len(evidence.truth.image):
@@ -268,12 +268,14 @@ def _ceilings(evidence: Evidence) -> list[dict[str, Any]]:
     iou_percent = evidence.pipeline.score.iou_percents[0]
     usual = evidence.candidate_scores(evidence.own_voxels, chosen)
     oracle = evidence.candidate_scores(_oracle_voxels(evidence), chosen)
+    perfect = (evidence.overlaps.candidate_iou >= iou_percent / 100).astype(np.float64)
     counted = evidence.truth.counted(evidence.n_classes)
     rows = []
     for cause, values in (
         ("ap_as_is", evidence.average_precisions(usual, iou_percent)),
         ("ap_iou_30", evidence.average_precisions(usual, round(100 * LOOSE_IOU))),
         ("ap_oracle_voxels", evidence.average_precisions(oracle, iou_percent)),
+        ("ap_perfect_ranking", evidence.average_precisions(perfect, iou_percent)),
     ):
         rows += [
             {"class_id": k, "cause": cause, "value": _known(value), "n": int(counted[k])}
