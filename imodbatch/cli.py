@@ -43,7 +43,7 @@ def _common_options(command: Callable[..., None]) -> Callable[..., None]:
         ),
         click.option(
             "--out",
-            type=click.Path(path_type=Path, file_okay=False),
+            type=click.Path(path_type=Path),
             metavar="RUN_DIR",
             help="Where tables go. Default: runs/<manifest>--<pipeline>.",
         ),
@@ -119,9 +119,8 @@ def _stage_command(stage: str) -> click.Command:
                 if name == "report":
                     _write_report(plan, pipeline)
                     continue
-                for outcome in runner.run_stage(plan, name, overwrite=overwrite, executor=executor):
-                    _print_outcome(outcome)
-                if _PRINTED_ERRORS:
+                outcomes = runner.run_stage(plan, name, overwrite=overwrite, executor=executor)
+                if not all([_print_outcome(outcome) for outcome in outcomes]):
                     sys.exit(1)
 
     command.__doc__ = (
@@ -147,9 +146,6 @@ def _stage_command(stage: str) -> click.Command:
     return click.command(stage)(MANIFEST(_common_options(decorated)))
 
 
-_PRINTED_ERRORS: list[str] = []
-
-
 def _plan(
     manifest: Path,
     pipeline: Path | None,
@@ -158,6 +154,7 @@ def _plan(
     settings: tuple[str, ...],
 ) -> "Plan":
     from imodbatch.config import load_pipeline
+    from imodbatch.errors import ConfigError
     from imodbatch.manifest import load_manifest
     from imodbatch.runner import Plan
     from imodbatch.wiring import Context
@@ -165,6 +162,8 @@ def _plan(
     checked = load_manifest(manifest)
     context = Context(checked, load_pipeline(pipeline, settings))
     run_dir = out or Path("runs") / f"{checked.name}--{_pipeline_name(pipeline)}"
+    if run_dir.exists() and not run_dir.is_dir():
+        raise ConfigError(f"{run_dir}: is a file, expected a folder. Name another --out.")
     return Plan(context, run_dir, checked.sequences).choose(sequences)
 
 
@@ -175,26 +174,27 @@ def _pipeline_name(pipeline: Path | None) -> str:
 def _warn_of_stale_inputs(plan: "Plan", stage: str) -> None:
     from imodbatch.runner import stale_inputs
 
-    stale = stale_inputs(plan, stage) if stage != "report" else []
+    stale = stale_inputs(plan, stage)
     if stale:
         click.echo(
-            f"imodbatch: warning: {', '.join(stale)} no longer fit these settings; "
+            f"imodbatch: warning: {', '.join(stale)} no longer fit these settings or files; "
             "`imodbatch run` brings all up to date.",
             err=True,
         )
 
 
-def _print_outcome(outcome: "Outcome") -> None:
+def _print_outcome(outcome: "Outcome") -> bool:
+    """Print what became of a step, and return whether it was done."""
     for warning in outcome.warnings[:5]:
         click.echo(f"imodbatch: warning: {warning}", err=True)
     if len(outcome.warnings) > 5:
         click.echo(f"imodbatch: warning: and {len(outcome.warnings) - 5} more like it", err=True)
     if outcome.state == "failed":
-        _PRINTED_ERRORS.append(outcome.message)
         click.echo(f"imodbatch: error: {outcome.message}", err=True)
-        return
+        return False
     mark = " (up to date)" if outcome.state == "up to date" else ""
     click.echo(f"{outcome.stage} {outcome.label}: {outcome.message}{mark}")
+    return True
 
 
 def _write_report(plan: "Plan", pipeline: Path | None) -> None:

@@ -24,9 +24,9 @@ Percent = Annotated[int, Field(ge=1, le=100)]
 
 
 class StrictModel(BaseModel):
-    """Frozen, and no unknown keys."""
+    """Frozen, no unknown keys, finite numbers only."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class PosesConfig(StrictModel):
@@ -126,6 +126,7 @@ class Pipeline(StrictModel):
 
 
 Model = TypeVar("Model", bound=BaseModel)
+UNION_BRANCHES = ("function-", "literal[", "tuple[")  # pydantic's names, of no use to a reader
 
 
 def load_pipeline(path: Path | None, settings: Sequence[str] = ()) -> Pipeline:
@@ -177,12 +178,16 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def validate(model: type[Model], data: dict[str, Any], where: str) -> Model:
-    """Check TOML data against a model; the first fault becomes a one-line `ConfigError`."""
+    """Check TOML data against a model; the first fault becomes a one-line `ConfigError`.
+
+    An unknown key comes before all others: a misspelt key is also a missing one.
+    """
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        first = error.errors()[0]
-        path = ".".join(str(part) for part in first["loc"] if not str(part).startswith("function-"))
+        faults = error.errors()
+        first = next((fault for fault in faults if fault["type"] == "extra_forbidden"), faults[0])
+        path = ".".join(str(p) for p in first["loc"] if not str(p).startswith(UNION_BRANCHES))
         if first["type"] == "extra_forbidden":
             names = _known_names(model, first["loc"][:-1])
             hint = did_you_mean(str(first["loc"][-1]), names)

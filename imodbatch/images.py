@@ -10,6 +10,8 @@ from imodbatch.core.depth import DepthImage
 from imodbatch.errors import DataError
 
 DEPTH_MODES = ("I;16", "I;16B", "I")  # how Pillow names 16-bit grey; "I" when it widens to 32 bit
+JPEG_SCAN, JPEG_END = b"\xff\xda", b"\xff\xd9"
+DAMAGE = (OSError, SyntaxError, ValueError, Image.DecompressionBombError)
 
 
 class UnreadableImageError(DataError):
@@ -20,28 +22,31 @@ def read_color(path: Path) -> NDArray[np.uint8]:
     """A colour image, (H, W, 3) RGB; grey images are repeated, alpha is dropped.
 
     Raises:
-        UnreadableImageError: the file is missing, truncated or no image.
+        UnreadableImageError: the file is missing, damaged or no image.
+        DataError: it has one channel of 16 bits or more, which 8 bits cannot show.
     """
-    return np.asarray(_decode(path).convert("RGB"), dtype=np.uint8)
+    image = _decode(path)
+    check_color_mode(path, image.mode)
+    return np.asarray(image.convert("RGB"), dtype=np.uint8)
 
 
 def read_depth(path: Path, scale_m: float, invalid: tuple[int, ...]) -> DepthImage:
-    """A 16-bit depth image in metres, (H, W), NaN where its number is one of `invalid`.
+    """A 16-bit depth image in metres, (H, W), NaN where its number is 0 or in `invalid`.
 
     Args:
         path: PNG or another lossless format with one 16-bit channel.
         scale_m: metres per unit.
-        invalid: numbers that mean "no depth".
+        invalid: further numbers that mean "no depth".
 
     Raises:
-        UnreadableImageError: the file is missing, truncated or no image.
+        UnreadableImageError: the file is missing, damaged or no image.
         DataError: it has not one 16-bit channel.
     """
     image = _decode(path)
     check_depth_mode(path, image.mode)
     raw = np.asarray(image)
     depth_m = raw.astype(np.float32) * np.float32(scale_m)
-    depth_m[np.isin(raw, invalid)] = np.nan
+    depth_m[(raw <= 0) | np.isin(raw, invalid)] = np.nan
     return depth_m
 
 
@@ -51,6 +56,15 @@ def check_depth_mode(path: Path, mode: str) -> None:
         raise DataError(
             f"{path}: expected a 16-bit single-channel depth image, found Pillow mode {mode!r} "
             "(8 bits or colour: a preview?). Point the manifest at the raw depth images."
+        )
+
+
+def check_color_mode(path: Path, mode: str) -> None:
+    """Refuse a colour image of one wide channel: Pillow would cut it at 255, mostly to white."""
+    if mode in (*DEPTH_MODES, "F"):
+        raise DataError(
+            f"{path}: expected a colour or 8-bit grey image, found Pillow mode {mode!r} (a depth "
+            "image?). Point the manifest at the colour images."
         )
 
 
@@ -65,19 +79,29 @@ def probe(path: Path) -> tuple[int, int, str]:
             return image.width, image.height, image.mode
     except FileNotFoundError:
         raise UnreadableImageError(f"{path}: no such file.") from None
-    except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
+    except (UnidentifiedImageError, *DAMAGE):
         raise UnreadableImageError(
             f"{path}: not a readable image. Restore the file, or leave the frame out."
         ) from None
 
 
 def _decode(path: Path) -> Image.Image:
+    """The whole image. Pillow's decoders skip a PNG's checksums and the end mark of a JPEG."""
     probe(path)
     try:
+        with Image.open(path) as unchecked:
+            unchecked.verify()
         image = Image.open(path)
         image.load()
-    except (OSError, SyntaxError, ValueError) as error:
+        if image.format == "JPEG" and not _has_end(path.read_bytes()):
+            raise OSError("the end of the JPEG is missing")
+    except DAMAGE as error:
         raise UnreadableImageError(
             f"{path}: damaged image ({error}). Restore the file, or leave the frame out."
         ) from None
     return image
+
+
+def _has_end(jpeg: bytes) -> bool:
+    """Whether the end mark follows the last scan; inside a scan the two bytes cannot stand."""
+    return jpeg.rfind(JPEG_END) > jpeg.rfind(JPEG_SCAN)

@@ -127,6 +127,11 @@ class ImagesSection(StrictModel):
     frames_per_second: Annotated[float, Field(gt=0)] | None = None
     max_gap_ms: Annotated[float, Field(ge=0)] = 20.0
 
+    @field_validator("color", "depth")
+    @classmethod
+    def _is_below_the_root(cls, pattern: str | None) -> str | None:
+        return pattern if pattern is None else _relative(pattern)
+
 
 class OdometrySection(StrictModel):
     """`[odometry]`: camera poses that come with the dataset."""
@@ -183,6 +188,11 @@ class SequenceSection(StrictModel):
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
             raise ValueError("must be made of letters, digits, '.', '_', '-' (it names a file)")
         return name
+
+    @field_validator("path")
+    @classmethod
+    def _is_below_the_root(cls, path: str) -> str:
+        return _relative(path)
 
     @field_validator("frames")
     @classmethod
@@ -262,8 +272,16 @@ def load_manifest(path: Path) -> Manifest:
         ConfigError: missing, not TOML, an unknown key, an unset environment variable.
     """
     data = _expand(read_toml(path), str(path))
+    if "folder" in data:
+        raise ConfigError(f"{path}: folder: unknown key. Did you mean 'root'?")
     data["folder"] = path.resolve().parent
     return validate(Manifest, data, str(path))
+
+
+def _relative(path: str) -> str:
+    if Path(path).is_absolute():
+        raise ValueError("must be relative to root; set root to a folder that holds all images")
+    return path
 
 
 def _expand(value: Any, where: str) -> Any:

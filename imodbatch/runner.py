@@ -31,9 +31,10 @@ from imodbatch.tables import (
     table_path,
     write_table,
 )
-from imodbatch.wiring import STEPS, Context, Step
+from imodbatch.wiring import STAGES, STEPS, Context, Step
 
 UP_TO_DATE, DONE, FAILED = "up to date", "done", "failed"
+STALE, MISSING = "stale", "missing"
 PER_RUN_LABEL = "all"
 
 
@@ -91,35 +92,55 @@ def run_stage(
 
 
 def states(plan: Plan) -> Iterator[Outcome]:
-    """What each step would do, without doing it: its state is up to date, stale or missing."""
+    """What each step would do, without doing it: its state is up to date, stale or missing.
+
+    A table that fits the tables it was made from is stale all the same if one of those is.
+    """
+    behind: set[tuple[str, str]] = set()
     for step in STEPS:
         for sequences in _units(plan, step):
-            label = _label(step, sequences)
-            infos = [read_info(path) for path in _output_paths(plan, step, sequences)]
-            if any(info is None for info in infos):
-                yield Outcome(step.stage, label, "missing", "")
-                continue
-            try:
-                current = _is_up_to_date(plan, step, sequences)
-                state, message = (UP_TO_DATE if current else "stale"), infos[0].summary  # type: ignore[union-attr]
-            except ImodError as error:
-                state, message = "stale", str(error)
-            yield Outcome(step.stage, label, state, message)
+            reads_stale = any((name, s.id) in behind for name in step.reads for s in sequences)
+            state, message = _state(plan, step, sequences, reads_stale)
+            if state != UP_TO_DATE:
+                behind |= {(name, s.id) for name in step.writes for s in sequences}
+            yield Outcome(step.stage, _label(step, sequences), state, message)
+
+
+def _state(
+    plan: Plan, step: Step, sequences: tuple[SequenceSection, ...], reads_stale: bool
+) -> tuple[str, str]:
+    """State of one unit, and the summary of its table, or why it cannot be told."""
+    infos = [read_info(path) for path in _output_paths(plan, step, sequences)]
+    if any(info is None for info in infos):
+        return MISSING, ""
+    try:
+        current = not reads_stale and _is_up_to_date(plan, step, sequences)
+    except ImodError as error:
+        return STALE, str(error)
+    return (UP_TO_DATE if current else STALE), infos[0].summary  # type: ignore[union-attr]
 
 
 def stale_inputs(plan: Plan, stage: str) -> list[str]:
-    """Tables a stage reads that no longer fit the settings given, as ``table of sequence``."""
-    needed = {table for step in STEPS if step.stage == stage for table in step.reads}
-    needed -= {table for step in STEPS if step.stage == stage for table in step.writes}
-    stale = []
-    for step in STEPS:
-        if not needed & set(step.writes) or step.stage == stage:
-            continue
-        for sequences in _units(plan, step):
-            exists = all(path.exists() for path in _output_paths(plan, step, sequences))
-            if exists and not _is_up_to_date(plan, step, sequences):
-                stale.append(f"{step.stage} {_label(step, sequences)}")
-    return stale
+    """What comes before a stage and no longer fits settings or files, as ``stage sequence``."""
+    before = _stages_before(stage)
+    return [
+        f"{outcome.stage} {outcome.label}"
+        for outcome in states(plan)
+        if outcome.state == STALE and outcome.stage in before
+    ]
+
+
+def _stages_before(stage: str) -> set[str]:
+    """The stages whose tables a stage reads, and those before them; a report reads all."""
+    if all(step.stage != stage for step in STEPS):
+        return set(STAGES)
+    needed: set[str] = set()
+    before: set[str] = set()
+    for step in reversed(STEPS):
+        if step.stage == stage or needed & set(step.writes):
+            needed |= set(step.reads)
+            before.add(step.stage)
+    return before - {stage}
 
 
 def load(plan: Plan, table: str, columns: list[str] | None = None) -> pa.Table:

@@ -18,6 +18,13 @@ import pyarrow.parquet as pq
 from imodbatch.errors import TableError
 from imodbatch.schemas import TABLES, TableSpec
 
+ARROW_ERRORS = (
+    pa.ArrowInvalid,
+    pa.ArrowTypeError,
+    pa.ArrowNotImplementedError,
+    OverflowError,
+    ValueError,
+)
 METADATA_KEY = b"imodbatch"
 PER_RUN = "run"
 
@@ -68,7 +75,7 @@ def conform(table: pa.Table, spec: TableSpec) -> pa.Table:
         raise TableError(f"table {spec.name}: columns missing {missing}, foreign {foreign}.")
     try:
         table = table.select(spec.schema.names).cast(spec.schema)
-    except (pa.ArrowInvalid, pa.ArrowNotImplementedError, ValueError) as error:
+    except ARROW_ERRORS as error:
         raise TableError(f"table {spec.name}: {str(error).splitlines()[0]}.") from None
     for column in spec.schema:
         if not column.nullable and table[column.name].null_count:
@@ -76,7 +83,8 @@ def conform(table: pa.Table, spec: TableSpec) -> pa.Table:
     key = table.select(list(spec.key))
     if key.num_rows and key.group_by(list(spec.key)).aggregate([]).num_rows < key.num_rows:
         counts = key.group_by(list(spec.key)).aggregate([([], "count_all")])
-        double = counts.filter(pc.greater(counts["count_all"], 1)).slice(0, 1).to_pylist()[0]
+        double = counts.filter(pc.greater(counts["count_all"], 1)).drop_columns("count_all")
+        double = double.slice(0, 1).to_pylist()[0]
         raise TableError(f"table {spec.name}: the key {double} stands more than once.")
     return table
 
@@ -88,9 +96,12 @@ def empty(spec: TableSpec) -> pa.Table:
 
 def from_columns(spec: TableSpec, columns: dict[str, Any]) -> pa.Table:
     """A table from arrays or lists, cast to its schema."""
-    arrays = [_array(columns[f.name], f.type) for f in spec.schema if f.name in columns]
-    names = [name for name in spec.schema.names if name in columns]
-    return conform(pa.table(dict(zip(names, arrays, strict=True))), spec)
+    try:
+        arrays = {f.name: _array(columns[f.name], f.type) for f in spec.schema if f.name in columns}
+        table = pa.table(arrays)
+    except ARROW_ERRORS as error:
+        raise TableError(f"table {spec.name}: {str(error).splitlines()[0]}.") from None
+    return conform(table, spec)
 
 
 def _array(values: Any, dtype: pa.DataType) -> pa.Array:
@@ -102,9 +113,10 @@ def _array(values: Any, dtype: pa.DataType) -> pa.Array:
 def from_rows(spec: TableSpec, rows: list[dict[str, Any]]) -> pa.Table:
     """A table from dictionaries, one per row; absent keys are null."""
     try:
-        return conform(pa.Table.from_pylist(rows, schema=spec.schema), spec)
-    except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
+        table = pa.Table.from_pylist(rows, schema=spec.schema)
+    except ARROW_ERRORS as error:
         raise TableError(f"table {spec.name}: {str(error).splitlines()[0]}.") from None
+    return conform(table, spec)
 
 
 def write_table(path: Path, table: pa.Table, info: TableInfo) -> None:
@@ -118,6 +130,7 @@ def write_table(path: Path, table: pa.Table, info: TableInfo) -> None:
             table.replace_schema_metadata({**(table.schema.metadata or {}), **metadata}),
             file,
             compression="zstd",
+            write_page_checksum=True,
         )
         file.flush()
         os.fsync(file.fileno())
@@ -131,7 +144,7 @@ def read_info(path: Path) -> TableInfo | None:
         stored = json.loads(metadata[METADATA_KEY])
         names = ("table", "version", "key", "provenance", "summary", "attributes")
         values = {name: stored[name] for name in names}
-    except (OSError, pa.ArrowInvalid, KeyError, ValueError):
+    except (OSError, pa.ArrowInvalid, KeyError, TypeError, ValueError):
         return None
     return TableInfo(**{**values, "key": tuple(values["key"])})
 
@@ -154,7 +167,8 @@ def read_table(path: Path, spec: TableSpec) -> pa.Table:
             f"{spec.version}. Delete the run folder and run again."
         )
     try:
-        return conform(pq.read_table(path, partitioning=None), spec)
+        table = pq.read_table(path, partitioning=None, page_checksum_verification=True)
+        return conform(table, spec)
     except (OSError, pa.ArrowInvalid) as error:
         message = str(error).splitlines()[0]
         raise TableError(f"{path}: damaged ({message}). Delete it and run again.") from None

@@ -21,6 +21,7 @@ from imodbatch.core.scoring import Candidates, Truth
 from imodbatch.datasets.annotations import annotation_files
 from imodbatch.datasets.detections import detection_files, read_detections
 from imodbatch.datasets.registry import adapter_of, camera_model
+from imodbatch.engines.detector.card import weights_digest
 from imodbatch.errors import ConfigError
 from imodbatch.images import read_color, read_depth
 from imodbatch.manifest import Manifest, SequenceSection
@@ -160,7 +161,8 @@ def _detect(
             (len(viewpoint.elevations_deg), viewpoint.n_azimuths),
         )
         return detect.run_imported(sequence.id, imported, context.n_classes, config)
-    detector = _detector(_weights(context), config.device)
+    weights = _weights(context)
+    detector = _detector(weights, config.device, weights_digest(weights))
     _check_card(detector.card, context)
     return detect.run_detector(
         tables["frames"], context.read_color, detector, context.n_classes, config, progress
@@ -178,9 +180,11 @@ def _weights(context: Context) -> Path:
 
 
 @lru_cache(maxsize=1)
-def _detector(weights: Path, device: str) -> Any:
+def _detector(weights: Path, device: str, digest: str) -> Any:
+    """One detector for all sequences of a process; `digest` tells other weights of that name."""
     from imodbatch.engines.detector.inference import load_detector
 
+    del digest
     return load_detector(weights, device)
 
 

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.manifest import Manifest, SequenceSection
+
+NS_PER_S, NS_PER_MS = 1_000_000_000, 1_000_000
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,22 @@ class Reading:
 
     rows: list[dict[str, Any]]
     left_out: Counter[str] = field(default_factory=Counter)
+
+
+def nanoseconds(text: str, unit_ns: int = NS_PER_S) -> int:
+    """A moment as printed → nanoseconds; a float would be 100 ns off today's clock in seconds.
+
+    Raises:
+        ValueError: it is no finite number, or lies more than 146 years from 0.
+    """
+    try:
+        moment = Decimal(text)
+    except InvalidOperation:
+        raise ValueError(f"{text[:30]!r} is no number") from None
+    if not moment.is_finite() or abs(moment) > 2**62 // unit_ns:
+        unit = "seconds" if unit_ns == NS_PER_S else "nanoseconds"
+        raise ValueError(f"{text[:30]!r} is no moment in {unit}")
+    return int((moment * unit_ns).to_integral_value())
 
 
 class Adapter(Protocol):

@@ -6,17 +6,26 @@ from pathlib import Path
 import numpy as np
 
 from imodbatch.core.trajectory import associate
-from imodbatch.datasets.base import CameraModel, FrameFile, Odometry
+from imodbatch.datasets.base import (
+    NS_PER_MS,
+    NS_PER_S,
+    CameraModel,
+    FrameFile,
+    Odometry,
+    nanoseconds,
+)
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.trajectories import read_odometry, trajectory_files
 from imodbatch.errors import ConfigError, DataError
 from imodbatch.manifest import ImagesSection, Manifest, SequenceSection
 
-NS_PER_S, NS_PER_MS = 1_000_000_000, 1_000_000
-
 
 def frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
     """Colour images by number, each with its depth image (same number or name; nearest stamp)."""
+    return [f for f in _all_frames(manifest, sequence) if sequence.keeps(f.frame_index)]
+
+
+def _all_frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
     images = _images(manifest)
     base = manifest.root_path / sequence.path
     color = PathPattern(images.color)
@@ -32,25 +41,30 @@ def frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
             depth_of[number].relative_to(root).as_posix() if number in depth_of else None,
         )
         for (number, path), stamp in zip(numbered, stamps, strict=True)
-        if sequence.keeps(number)
     ]
 
 
 def cameras(manifest: Manifest) -> CameraModel:
-    """A folder says nothing of its cameras."""
-    raise ConfigError(
-        f"manifest {manifest.name}: adapter 'folder' needs camera.color with width_px, height_px, "
-        "fx_px, fy_px, cx_px, cy_px."
-    )
+    """A folder says nothing of its cameras: depth is taken as millimetres, registered to colour."""
+    section = manifest.camera
+    if section.color is None:
+        raise ConfigError(
+            f"manifest {manifest.name}: adapter 'folder' needs camera.color with width_px, "
+            "height_px, fx_px, fy_px, cx_px, cy_px."
+        )
+    color = section.color.camera(section.pixel_origin)
+    return CameraModel(color, color, depth_scale_m=0.001, depth_invalid=(0,))
 
 
 def odometry(
-    manifest: Manifest, sequence: SequenceSection, frames: Sequence[FrameFile]
+    manifest: Manifest,
+    sequence: SequenceSection,
+    frames: Sequence[FrameFile],  # noqa: ARG001
 ) -> Odometry | None:
     """What `[odometry]` points at."""
     if manifest.odometry is None:
         return None
-    return read_odometry(manifest.odometry, manifest, sequence, frames)
+    return read_odometry(manifest.odometry, manifest, sequence, _all_frames(manifest, sequence))
 
 
 def odometry_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
@@ -73,14 +87,14 @@ def _timestamps(
     images: ImagesSection, color: PathPattern, numbered: list[tuple[int, Path]], base: Path
 ) -> list[int | None]:
     if color.field == "stamp":
-        return [_stamp_ns(text) for text in sorted(color.values(base), key=float)]
+        return list(_stamps_ns(color, base))
     if images.timestamps is not None:
         path = base / images.timestamps
         try:
             lines = [
                 t for line in path.read_text().splitlines() if (t := line.split("#")[0].strip())
             ]
-            stamps = [_stamp_ns(line.split()[0]) for line in lines]
+            stamps = [nanoseconds(line.split()[0]) for line in lines]
         except (OSError, ValueError) as error:
             raise DataError(f"{path}: expected a stamp in seconds per line ({error}).") from None
         if len(stamps) != len(numbered):
@@ -94,9 +108,15 @@ def _timestamps(
     return [None] * len(numbered)
 
 
-def _stamp_ns(text: str) -> int:
-    whole, _, fraction = text.partition(".")
-    return int(whole) * NS_PER_S + int((fraction + "000000000")[:9])
+def _stamps_ns(pattern: PathPattern, base: Path) -> list[int]:
+    """Stamps of the files that fit a {stamp} pattern, in the order of their numbers."""
+    try:
+        return [nanoseconds(text) for text in sorted(pattern.values(base), key=float)]
+    except ValueError as error:
+        raise DataError(
+            f"{base / pattern.pattern}: {error}. Use {{name}} instead of {{stamp}}, with "
+            "images.timestamps."
+        ) from None
 
 
 def _depth_by_number(
@@ -118,11 +138,10 @@ def _depth_by_number(
         return {
             number_of[path]: by_text[t] for t, path in color.values(base).items() if t in by_text
         }
-    color_stamps = [_stamp_ns(text) for text in sorted(color.values(base), key=float)]
     texts = sorted(by_text, key=float)
     partner = associate(
-        np.array(color_stamps, dtype=np.int64),
-        np.array([_stamp_ns(text) for text in texts], dtype=np.int64),
+        np.array(_stamps_ns(color, base), dtype=np.int64),
+        np.array(_stamps_ns(depth, base), dtype=np.int64),
         round(images.max_gap_ms * NS_PER_MS),
     )
     return {

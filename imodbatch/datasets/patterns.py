@@ -19,7 +19,8 @@ class PathPattern:
     def __init__(self, pattern: str) -> None:
         self.pattern = pattern
         found = re.findall(r"\{(\w+)\}", pattern)
-        if len(found) != 1 or found[0] not in FIELDS or "{" not in pattern.rsplit("/", 1)[-1]:
+        name = pattern.rsplit("/", 1)[-1]
+        if len(found) != 1 or found[0] not in FIELDS or f"{{{found[0]}}}" not in name:
             raise ConfigError(
                 f"pattern {pattern!r}: expected exactly one of {{frame}}, {{stamp}}, {{name}}, "
                 "in the file's name, such as 'color/{frame}.png'."
@@ -55,4 +56,4 @@ class PathPattern:
 
 def natural_key(text: str) -> list[tuple[int, int | str]]:
     """Sort key in which frame_10 follows frame_9."""
-    return [(0, int(p)) if p.isdigit() else (1, p) for p in re.split(r"(\d+)", text) if p]
+    return [(0, int(p)) if p.isdecimal() else (1, p) for p in re.split(r"(\d+)", text) if p]

@@ -1,7 +1,7 @@
 """The layouts this version reads, by the name that a manifest's `adapter` uses."""
 
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -26,21 +26,17 @@ def adapter_of(manifest: Manifest) -> Adapter:
 
 
 def camera_model(manifest: Manifest) -> CameraModel:
-    """The cameras: what the manifest says, else what the layout knows.
-
-    Without intrinsics of its own, a depth image given in the manifest is taken as registered to the
-    colour image.
-    """
-    section = manifest.camera
-    baseline = section.color_from_depth
-    color_from_depth = None if baseline is None else np.array(baseline)
-    if section.color is None:
-        model = replace(adapter_of(manifest).cameras(manifest), color_from_depth=color_from_depth)
-    else:
-        color = section.color.camera(section.pixel_origin)
-        model = CameraModel(color, color, 0.001, (0,), color_from_depth)
-    if section.depth is None:
-        return model
-    model = replace(model, depth_scale_m=section.depth.scale_m, depth_invalid=section.depth.invalid)
-    own = section.depth.intrinsics()
-    return model if own is None else replace(model, depth=own.camera(section.pixel_origin))
+    """The cameras: key by key what the manifest says, else what the layout knows."""
+    section, model = manifest.camera, adapter_of(manifest).cameras(manifest)
+    given: dict[str, Any] = {}
+    if section.color_from_depth is not None:
+        given["color_from_depth"] = np.array(section.color_from_depth)
+    if section.color is not None:
+        given["color"] = section.color.camera(section.pixel_origin)
+    if section.depth is not None:
+        own = section.depth.intrinsics()
+        if own is not None:
+            given["depth"] = own.camera(section.pixel_origin)
+        for name in section.depth.model_fields_set & {"scale_m", "invalid"}:
+            given[f"depth_{name}"] = getattr(section.depth, name)
+    return replace(model, **given)

@@ -21,6 +21,10 @@ COLOR = [PathPattern(f"frame-{{frame}}.color.{ending}") for ending in ("png", "j
 
 def frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
     """Frames of a ``seq-XX`` folder."""
+    return [f for f in _all_frames(manifest, sequence) if sequence.keeps(f.frame_index)]
+
+
+def _all_frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
     base, root = manifest.root_path / sequence.path, manifest.root_path
     color = {number: path for pattern in COLOR for number, path in pattern.find(base)}
     depth = dict(DEPTH.find(base))
@@ -32,7 +36,6 @@ def frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
             depth[number].relative_to(root).as_posix() if number in depth else None,
         )
         for number in sorted(color)
-        if sequence.keeps(number)
     ]
 
 
@@ -47,10 +50,13 @@ def cameras(manifest: Manifest) -> CameraModel:  # noqa: ARG001
 
 
 def odometry(
-    manifest: Manifest, sequence: SequenceSection, frames: Sequence[FrameFile]
+    manifest: Manifest,
+    sequence: SequenceSection,
+    frames: Sequence[FrameFile],  # noqa: ARG001
 ) -> Odometry | None:
     """Poses beside the images, or what `[odometry]` points at instead."""
-    return read_odometry(manifest.odometry or POSES, manifest, sequence, frames)
+    all_frames = _all_frames(manifest, sequence)
+    return read_odometry(manifest.odometry or POSES, manifest, sequence, all_frames)
 
 
 def odometry_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:

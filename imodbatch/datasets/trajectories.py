@@ -5,6 +5,7 @@ Numbers that are not finite are kept: the frame they belong to is lost, not the 
 """
 
 import csv
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,13 +14,12 @@ from numpy.typing import NDArray
 
 from imodbatch.config import did_you_mean
 from imodbatch.core.frames import is_rigid, make_transform, matrix_from_quaternion
-from imodbatch.datasets.base import FrameFile, Odometry
+from imodbatch.datasets.base import NS_PER_MS, NS_PER_S, FrameFile, Odometry, nanoseconds
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.errors import DataError
 from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
 
 Array = NDArray[np.float64]
-NS_PER_S, NS_PER_MS = 1_000_000_000, 1_000_000
 NO_STAMP = np.iinfo(np.int64).min // 2  # matches no moment
 CSV_COLUMNS = ("tx", "ty", "tz", "qw", "qx", "qy", "qz")
 
@@ -50,6 +50,13 @@ def read_odometry(
 ) -> Odometry:
     """Read the poses that an `[odometry]` section points at.
 
+    Args:
+        section: which file, and what its numbers mean.
+        manifest: the split.
+        sequence: one of its sequences.
+        frames: all frames of the sequence, also those outside its slice: a file with one line per
+            frame starts at the first of them.
+
     Raises:
         DataError: a file is missing, a line has the wrong number of columns, a number is none, or
             most of the matrices are not rigid transforms.
@@ -74,15 +81,17 @@ def read_odometry(
         rows = _read_numbers(files[0], 12)
         poses = np.tile(np.eye(4), (len(rows), 1, 1))
         poses[:, :3, :] = rows.reshape(-1, 3, 4)
-        numbers = _numbers_by_line(files[0], len(rows), frames)
+        kept = [frame for frame in frames if sequence.keeps(frame.frame_index)]
+        numbers = _numbers_by_line(files[0], len(rows), frames, kept)
     elif section.format == "tum":
         rows = _read_numbers(files[0], 8)
         poses = _from_quaternions(_quaternion_first(rows[:, 4:], section), rows[:, 1:4])
-        stamps = _nanoseconds(rows[:, 0])
+        first_column = [(line, parts[0]) for line, parts in _read_fields(files[0], 8)]
+        stamps = _stamps(first_column, NS_PER_S, files[0])
     else:
         poses, stamps, numbers = _read_csv(files[0], section)
-    poses = _to_color_world(poses, section, manifest)
     _refuse_if_not_rigid(poses, files[0])
+    poses = _to_color_world(poses, section, manifest)
     if stamps is not None:
         stamps = stamps + round(section.clock_offset_ms * NS_PER_MS)
     return Odometry(poses, stamps, numbers)
@@ -96,7 +105,16 @@ def _read_matrix(path: Path) -> Array:
 
 
 def _read_numbers(path: Path, n_columns: int) -> Array:
-    """Lines of numbers, comments (#) and blank lines left out: (lines, n_columns)."""
+    """Lines of numbers: (lines, n_columns)."""
+    rows = [
+        [_number(part, path, line) for part in parts]
+        for line, parts in _read_fields(path, n_columns)
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, n_columns)
+
+
+def _read_fields(path: Path, n_columns: int) -> list[tuple[int, list[str]]]:
+    """Line numbers and columns of a text file, comments (#) and blank lines left out."""
     rows = []
     for number, line in enumerate(_lines(path), start=1):
         text = line.split("#", 1)[0].replace(",", " ").strip()
@@ -108,8 +126,8 @@ def _read_numbers(path: Path, n_columns: int) -> Array:
                 f"{path}, line {number}: expected {n_columns} numbers, found {len(parts)}. "
                 "Check odometry.format."
             )
-        rows.append([_number(part, path, number) for part in parts])
-    return np.array(rows, dtype=np.float64).reshape(-1, n_columns)
+        rows.append((number, parts))
+    return rows
 
 
 def _number(text: str, path: Path, line: int) -> float:
@@ -130,12 +148,15 @@ def _lines(path: Path) -> list[str]:
         raise DataError(f"{path}: cannot be read as text ({error}).") from None
 
 
-def _numbers_by_line(path: Path, n_lines: int, frames: Sequence[FrameFile]) -> NDArray[np.int64]:
-    """Frame numbers of a file with one line per frame, which starts at the first frame."""
+def _numbers_by_line(
+    path: Path, n_lines: int, frames: Sequence[FrameFile], kept: Sequence[FrameFile]
+) -> NDArray[np.int64]:
+    """Frame numbers of a file with one line per frame, or one per frame of the slice."""
     first = frames[0].frame_index if frames else 0
     last = frames[-1].frame_index if frames else -1
-    if n_lines == len(frames):
-        return np.array([frame.frame_index for frame in frames], dtype=np.int64)
+    for those in (frames, kept):
+        if n_lines == len(those):
+            return np.array([frame.frame_index for frame in those], dtype=np.int64)
     if n_lines > last:
         return np.arange(n_lines, dtype=np.int64)
     raise DataError(
@@ -163,14 +184,23 @@ def _read_csv(
                 f"{path}: no column {wanted!r}.{did_you_mean(wanted, header)} "
                 f'Name it in the manifest: odometry.columns = {{ {name} = "…" }}.'
             )
-    rows = list(reader)
+    rows, lines = [], []
+    for row in reader:
+        if None in row or None in row.values():  # what csv puts for cells too many or too few
+            raise DataError(
+                f"{path}, line {reader.line_num}: expected the header's {len(header)} columns."
+            )
+        rows.append(row)
+        lines.append(reader.line_num)
     texts = {
-        name: [row[of_file] or "nan" for row in rows]
+        name: [row[of_file].strip() or "nan" for row in rows]
         for name in (*CSV_COLUMNS, "frame_index", "timestamp_ns", "timestamp_s")
         if (of_file := column(name)) is not None
     }
     values = {
-        name: np.array([_number(text, path, i + 2) for i, text in enumerate(column_texts)])
+        name: np.array(
+            [_number(t, path, line) for t, line in zip(column_texts, lines, strict=True)]
+        )
         for name, column_texts in texts.items()
     }
     quaternion = np.stack([values[n] for n in ("qw", "qx", "qy", "qz")], axis=-1)
@@ -178,12 +208,11 @@ def _read_csv(
         quaternion, np.stack([values[n] for n in ("tx", "ty", "tz")], axis=-1)
     )
     if "frame_index" in values:
-        return poses, None, values["frame_index"].astype(np.int64)
-    if "timestamp_ns" in values:
-        exact = [int(text) if text.isdigit() else NO_STAMP for text in texts["timestamp_ns"]]
-        return poses, np.array(exact, dtype=np.int64), None
-    if "timestamp_s" in values:
-        return poses, _nanoseconds(values["timestamp_s"]), None
+        return poses, None, _whole(values["frame_index"], path, lines)
+    for name, unit_ns in (("timestamp_ns", 1), ("timestamp_s", NS_PER_S)):
+        if name in texts:
+            cells = list(zip(lines, texts[name], strict=True))
+            return poses, _stamps(cells, unit_ns, path), None
     raise DataError(
         f"{path}: no column frame_index, timestamp_ns or timestamp_s. "
         'Name one in the manifest: odometry.columns = { timestamp_s = "…" }.'
@@ -204,20 +233,31 @@ def _from_quaternions(quaternion_wxyz: Array, translation: Array) -> Array:
     return poses
 
 
-def _nanoseconds(seconds: Array) -> NDArray[np.int64]:
-    """Nanoseconds; a stamp that is not finite becomes `NO_STAMP`."""
-    finite = np.isfinite(seconds)
-    stamps = np.full(len(seconds), NO_STAMP, dtype=np.int64)
-    whole = np.floor(seconds[finite])
-    stamps[finite] = whole.astype(np.int64) * NS_PER_S + np.round(
-        (seconds[finite] - whole) * NS_PER_S
-    ).astype(np.int64)
+def _stamps(cells: Sequence[tuple[int, str]], unit_ns: int, path: Path) -> NDArray[np.int64]:
+    """Nanoseconds of (line, text); a stamp that is not finite becomes `NO_STAMP`."""
+    stamps = np.full(len(cells), NO_STAMP, dtype=np.int64)
+    for row, (line, text) in enumerate(cells):
+        if not math.isfinite(_number(text, path, line)):
+            continue
+        try:
+            stamps[row] = nanoseconds(text, unit_ns)
+        except ValueError as error:
+            raise DataError(f"{path}, line {line}: {error}. Check the file's unit.") from None
     return stamps
+
+
+def _whole(values: Array, path: Path, lines: Sequence[int]) -> NDArray[np.int64]:
+    """Frame numbers as integers."""
+    for value, line in zip(values.tolist(), lines, strict=True):
+        if not value.is_integer():
+            raise DataError(f"{path}, line {line}: {value:g} is no frame number.")
+    return values.astype(np.int64)
 
 
 def _to_color_world(poses: Array, section: OdometrySection, manifest: Manifest) -> Array:
     """Poses as read → world_from_color in metres."""
     poses = poses.copy()
+    poses[~np.isfinite(poses).all(axis=(-2, -1))] = np.nan  # -inf would warn in products
     poses[:, :3, 3] *= section.unit_m
     if section.convention == "cam_from_world":
         good = is_rigid(poses)

@@ -122,9 +122,8 @@ def _keep(
     columns: dict[str, list[Any]] = {name: [] for name in DETECTIONS.schema.names}
     n_found, n_low, n_suppressed, n_surplus = 0, 0, 0, 0
     for frame in found:
-        scores = frame.view_scores.reshape(len(frame.boxes), n_classes, -1).sum(
-            axis=-1, dtype=np.float64
-        )
+        shape = (len(frame.boxes), n_classes, frame.view_scores.shape[1] // n_classes)
+        scores = frame.view_scores.reshape(shape).sum(axis=-1, dtype=np.float32)
         survives = nms_per_category(frame.boxes, scores, config.score_threshold, config.nms_iou)
         kept = np.flatnonzero(survives.any(axis=1))
         best = np.where(survives, scores, -1.0).max(axis=1, initial=-1.0)

@@ -11,7 +11,7 @@ from imodbatch.datasets.annotations import read_annotations
 from imodbatch.datasets.base import CameraModel, FrameFile
 from imodbatch.datasets.registry import adapter_of, camera_model
 from imodbatch.errors import DataError
-from imodbatch.images import UnreadableImageError, check_depth_mode, probe
+from imodbatch.images import UnreadableImageError, check_color_mode, check_depth_mode, probe
 from imodbatch.manifest import Manifest, SequenceSection
 from imodbatch.schemas import ANNOTATIONS, FRAMES
 from imodbatch.stages.base import Progress, StageResult, tally
@@ -26,9 +26,7 @@ def run(
     Raises:
         DataError: no frame, or an image of another size or kind than the manifest says.
     """
-    files = adapter_of(manifest).frames(manifest, sequence)
-    if not files:
-        raise DataError(_why_empty(manifest, sequence))
+    files = _frame_files(manifest, sequence)
     model = camera_model(manifest)
     warnings = [w for file in progress(files) for w in _check(manifest.root_path, file, model)]
     reading = read_annotations(
@@ -56,10 +54,21 @@ def run(
 
 
 def image_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """Every image of a sequence, for provenance."""
-    files = adapter_of(manifest).frames(manifest, sequence)
+    """Every image of a sequence, for provenance.
+
+    Raises:
+        DataError: there is none.
+    """
+    files = _frame_files(manifest, sequence)
     paths = [path for file in files for path in (file.color_path, file.depth_path) if path]
     return [manifest.root_path / path for path in paths]
+
+
+def _frame_files(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
+    files = adapter_of(manifest).frames(manifest, sequence)
+    if not files:
+        raise DataError(_why_empty(manifest, sequence))
+    return files
 
 
 def _check(root: Path, file: FrameFile, model: CameraModel) -> list[str]:
@@ -81,8 +90,8 @@ def _check(root: Path, file: FrameFile, model: CameraModel) -> list[str]:
                 f"{root / path}: image is {width}×{height}, expected {camera.width_px}×"
                 f"{camera.height_px}. Correct {section} in the manifest, or the file."
             )
-        if path == file.depth_path:
-            check_depth_mode(root / path, mode)
+        check = check_color_mode if path == file.color_path else check_depth_mode
+        check(root / path, mode)
     return warnings
 
 

@@ -55,6 +55,7 @@ def write_dataset(
         DataError: the folder holds files that are not ours.
     """
     settings = {"version": VERSION, "seed": seed, "n_sequences": n_sequences, "n_frames": n_frames}
+    folder = folder.resolve()
     if is_complete(folder, settings):
         return
     _check_is_ours(folder)
