@@ -120,7 +120,8 @@ def _stage_command(stage: str) -> click.Command:
                     _write_report(plan, pipeline)
                     continue
                 outcomes = runner.run_stage(plan, name, overwrite=overwrite, executor=executor)
-                if not all([_print_outcome(outcome) for outcome in outcomes]):
+                done = [_print_outcome(outcome) for outcome in outcomes]
+                if not all(done):
                     sys.exit(1)
 
     command.__doc__ = (
@@ -161,7 +162,7 @@ def _plan(
 
     checked = load_manifest(manifest)
     context = Context(checked, load_pipeline(pipeline, settings))
-    run_dir = out or Path("runs") / f"{checked.name}--{_pipeline_name(pipeline)}"
+    run_dir = (out or Path("runs") / f"{checked.name}--{_pipeline_name(pipeline)}").absolute()
     if run_dir.exists() and not run_dir.is_dir():
         raise ConfigError(f"{run_dir}: is a file, expected a folder. Name another --out.")
     return Plan(context, run_dir, checked.sequences).choose(sequences)
@@ -217,12 +218,12 @@ def status(
     sequences: tuple[str, ...],
     settings: tuple[str, ...],
 ) -> None:
-    r"""Say of every stage and sequence whether it is up to date, stale or missing.
+    """Say of every stage and sequence whether it is up to date, stale or missing.
 
     \b
     Example:
       imodbatch status manifests/analytic.toml
-    """
+    """  # noqa: D301 (click wants the character, not a backslash)
     from imodbatch.runner import states
 
     plan = _plan(manifest, pipeline, out, sequences, settings)
@@ -235,12 +236,12 @@ def status(
 @main.command()
 @click.argument("table", required=False)
 def schema(table: str | None) -> None:
-    r"""Print the data dictionary: every table (or one), its columns, types and meaning.
+    """Print the data dictionary: every table (or one), its columns, types and meaning.
 
     \b
     Example:
       imodbatch schema fused
-    """
+    """  # noqa: D301 (click wants the character, not a backslash)
     from imodbatch.config import did_you_mean
     from imodbatch.errors import TableError
     from imodbatch.schemas import TABLES
@@ -263,12 +264,12 @@ def schema(table: str | None) -> None:
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Other seed, other data.")
 def simulate(folder: Path, world: str, seed: int) -> None:
-    r"""Seed → a dataset folder with colour, depth, poses, true boxes and simulated detections.
+    """Seed → a dataset folder with colour, depth, poses, true boxes and simulated detections.
 
     \b
     Example:
       imodbatch simulate data/analytic
-    """
+    """  # noqa: D301 (click wants the character, not a backslash)
     del world
     from tqdm import tqdm
 

@@ -23,7 +23,7 @@ from imodbatch.datasets.detections import detection_files, read_detections
 from imodbatch.datasets.registry import adapter_of, camera_model
 from imodbatch.engines.detector.card import weights_digest
 from imodbatch.errors import ConfigError
-from imodbatch.images import read_color, read_depth
+from imodbatch.images import UnreadableImageError, read_color, read_depth
 from imodbatch.manifest import Manifest, SequenceSection
 from imodbatch.stages import detect, fuse, index, lift, limits, poses, score
 from imodbatch.stages.base import Progress, StageResult
@@ -134,8 +134,11 @@ def _poses(
 
 
 def _points_cam(context: Context, row: Any, max_depth_m: float) -> NDArray[np.float64]:
-    """Every fourth pixel of a frame as points (P, 3) in the colour camera."""
-    depth_m = context.read_depth(row)[::4, ::4]
+    """Every fourth pixel of a frame as points (P, 3) in the colour camera; none if unreadable."""
+    try:
+        depth_m = context.read_depth(row)[::4, ::4]
+    except UnreadableImageError:  # lift says so for every box of the frame
+        return np.zeros((0, 3))
     pixels = _camera(row, "").pixel_centers()[::4, ::4]
     near = depth_m < max_depth_m
     return _camera(row, "").unproject(pixels[near], depth_m[near])

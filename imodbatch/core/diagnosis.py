@@ -16,8 +16,8 @@ that is wrong can borrow their score when it lands in the same one. The causes, 
   sighting of the class, and so share its score.
 - ``ap_iou_30``, ``ap_oracle_voxels``: AP of imod if loose boxes counted, and if each instance had
   one voxel of its own: what loose boxes and voxels cost.
-- ``ap_perfect_ranking``: AP of the same boxes if every right one outranked every wrong one; the rest
-  up to 1 is what missed objects cost, and no fusion of these boxes can pass it.
+- ``ap_perfect_ranking``: AP of the same boxes if every right one outranked every wrong one; the
+  rest up to 1 is what missed objects cost, and no fusion of these boxes can pass it.
 """
 
 from dataclasses import dataclass

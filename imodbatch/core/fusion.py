@@ -18,8 +18,9 @@ Baselines from the same boxes: ``single`` is the marginal over viewpoints; ``nai
 the frames; ``naive_log`` adds up its log-odds, which takes views as independent.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ Bools = NDArray[np.bool_]
 Method = Literal["single", "naive", "naive_log", "imod"]
 CellReduce = Literal["mean", "max", "last"]
 Mode = Literal["online", "offline"]
+ROWS_AT_ONCE = 8192  # bounds memory: rows × classes × azimuths of float64 at a time
 
 
 @dataclass(frozen=True)
@@ -112,45 +114,68 @@ def fuse(
         cell_reduce: how boxes that fill one slot combine (``imod`` only), element by element.
         probability_floor: limit of the log-odds (``naive_log`` only).
     """
+    return fuse_modes(sightings, method, (mode,), cell_reduce, probability_floor)[mode]
+
+
+def fuse_modes(
+    sightings: Sightings,
+    method: Method,
+    modes: Sequence[Mode],
+    cell_reduce: CellReduce = "mean",
+    probability_floor: float = 1e-4,
+) -> dict[Mode, FusedScores]:
+    """`fuse` for several modes, which share all the work."""
     scores = sightings.view_scores
-    n_boxes, n_classes = scores.shape[:2]
     class_scores = marginal(scores)
     if method == "single":
-        no_pose = np.full(class_scores.shape, -1, dtype=np.int64)
-        return FusedScores(class_scores, no_pose, np.ones_like(no_pose))
+        single = _blank(class_scores)
+        single.n_cells[:] = 1
+        return dict.fromkeys(modes, single)
 
-    order = np.lexsort((np.arange(n_boxes), sightings.frame, sightings.voxel))
+    order = np.lexsort((np.arange(len(scores)), sightings.frame, sightings.voxel))
     voxel, frame = sightings.voxel[order], sightings.frame[order]
-    class_scores = class_scores[order]
-    enters = _best_of_each_moment(voxel, frame, class_scores)
-    cells = sightings.elevation_bin[order] * (sightings.azimuth_bin.max(initial=0) + 1)
-    cells += sightings.azimuth_bin[order]
+    enters = _best_of_each_moment(voxel, frame, class_scores[order])
     has_pose = method == "imod" and scores.shape[-1] > 1
-
-    fused = FusedScores(
-        np.empty((n_boxes, n_classes)),
-        np.full((n_boxes, n_classes), -1, dtype=np.int64),
-        np.empty((n_boxes, n_classes), dtype=np.int64),
-    )
-    starts = np.flatnonzero(np.r_[True, voxel[1:] != voxel[:-1]][:n_boxes])
-    for start, stop in zip(starts, np.r_[starts, n_boxes][1:], strict=True):
-        here = slice(start, stop)
+    fused = {mode: _blank(class_scores) for mode in modes}
+    for here in _whole_voxels(voxel):
         rows = order[here]
         if method == "imod":
+            cells = np.stack(
+                [voxel[here], sightings.elevation_bin[rows], sightings.azimuth_bin[rows]]
+            )
             votes = _votes(scores[rows], sightings.azimuth_bin[rows], sightings.elevation_bin[rows])
-            totals, counts = _running_cells(votes, enters[here], cells[here], cell_reduce)
+            changes, filled = _slot_changes(votes, enters[here], cells, cell_reduce)
         else:
-            evidence = class_scores[here]
+            evidence = class_scores[rows]
             if method == "naive_log":
                 evidence = log_odds(evidence, probability_floor)
-            totals = np.cumsum(np.where(enters[here], evidence, 0.0), axis=0)[:, :, None]
-            counts = np.cumsum(enters[here], axis=0)
-        known = _last_of_moment(frame[here]) if mode == "online" else np.full(len(rows), -1)
-        fused.score[rows] = totals.max(axis=-1)[known]
-        fused.n_cells[rows] = counts[known]
-        if has_pose:
-            fused.pose_bin[rows] = totals.argmax(axis=-1)[known]
+            changes = np.where(enters[here], evidence, 0.0)[:, :, None]
+            filled = enters[here].astype(np.int64)
+        totals, counts = _sums_by_group(changes, voxel[here]), _sums_by_group(filled, voxel[here])
+        for mode, result in fused.items():
+            known = _last_known(voxel[here], frame[here], mode)
+            result.score[rows] = totals.max(axis=-1)[known]
+            result.n_cells[rows] = counts[known]
+            if has_pose:
+                result.pose_bin[rows] = totals.argmax(axis=-1)[known]
     return fused
+
+
+def _blank(class_scores: Array) -> FusedScores:
+    """Single-view scores, no pose, no cell."""
+    no_pose = np.full(class_scores.shape, -1, dtype=np.int64)
+    return FusedScores(class_scores.copy(), no_pose, np.zeros_like(no_pose))
+
+
+def _whole_voxels(voxel: Ints) -> Iterator[slice]:
+    """Cut sorted rows into slices of about `ROWS_AT_ONCE` that never part a voxel."""
+    starts = np.flatnonzero(np.diff(voxel, prepend=voxel[:1] - 1))
+    start = 0
+    while start < len(voxel):
+        after = np.searchsorted(starts, start + ROWS_AT_ONCE)
+        stop = int(starts[after]) if after < len(starts) else len(voxel)
+        yield slice(start, stop)
+        start = stop
 
 
 def _votes(view_scores: NDArray[np.floating], azimuth_bins: Ints, elevation_bins: Ints) -> Array:
@@ -183,55 +208,73 @@ def _best_of_each_moment(voxel: Ints, frame: Ints, class_scores: Array) -> Bools
     return np.asarray(position == first[moment])
 
 
-def _last_of_moment(frame: Ints) -> Ints:
-    """Position (V,) of the last box of each box's frame; `frame` is sorted."""
-    return np.searchsorted(frame, frame, side="right") - 1
+def _last_known(voxel: Ints, frame: Ints, mode: Mode) -> Ints:
+    """Position (V,) of the last box that each box may know of; rows sorted by voxel and frame."""
+    is_last = np.diff(voxel, append=voxel[-1:] + 1) != 0
+    if mode == "online":
+        is_last |= np.diff(frame, append=frame[-1:] + 1) != 0
+    ends = np.flatnonzero(is_last)
+    return ends[np.searchsorted(ends, np.arange(len(voxel)))]
 
 
-def _running_cells(
+def _sums_by_group(values: NDArray[Any], group: Ints) -> NDArray[Any]:
+    """Cumulative sums of (V, …) values within runs of equal `group`."""
+    sums = values.copy()
+    starts = np.flatnonzero(np.diff(group, prepend=group[:1] - 1))
+    lengths = np.diff(starts, append=len(group))
+    for start, length in zip(starts[lengths > 1], lengths[lengths > 1], strict=True):
+        np.cumsum(values[start : start + length], axis=0, out=sums[start : start + length])
+    return sums
+
+
+def _slot_changes(
     votes: Array, enters: Bools, cells: Ints, cell_reduce: CellReduce
 ) -> tuple[Array, Ints]:
-    """Sum over the cells of one voxel after each of its boxes.
+    """What each box changes in its own slot: their sum so far is the sum over the slots.
 
-    Each box changes its own cell's slot only, so the sum after it is the sum of all changes so far.
+    All slots are filled at once, visit by visit: first every slot's first box, then every slot's
+    second one, and so on.
 
     Args:
-        votes: (V, K, D) in order of time.
+        votes: (V, K, D), each voxel's boxes in order of time.
         enters: (V, K) whether the box enters its slot for the class.
-        cells: (V,) number of each box's cell.
+        cells: (3, V) voxel, elevation and azimuth, which name the slot.
         cell_reduce: as in `fuse`.
 
     Returns:
-        Sums (V, K, D) and numbers of filled cells (V, K).
+        Changes (V, K, D) of the slot's content, and (V, K) 1 where the box is the slot's first.
     """
-    changes = np.empty_like(votes)
-    newly_filled = np.empty(enters.shape, dtype=np.int64)
-    values, cell_of_row, n_visits = np.unique(cells, return_inverse=True, return_counts=True)
-    once = n_visits[cell_of_row] == 1
-    changes[once] = np.where(enters[once, :, None], votes[once], 0.0)
-    newly_filled[once] = enters[once]
-    for cell in values[n_visits > 1]:
-        rows = np.flatnonzero(cells == cell)
-        history = SLOT_HISTORY[cell_reduce](votes[rows], enters[rows])
-        changes[rows] = np.diff(history, axis=0, prepend=0.0)
-        filled = np.maximum.accumulate(enters[rows], axis=0).astype(np.int64)
-        newly_filled[rows] = np.diff(filled, axis=0, prepend=0)
-    return np.cumsum(changes, axis=0), np.cumsum(newly_filled, axis=0)
+    slot = np.unique(cells, axis=1, return_inverse=True)[1].reshape(-1)
+    by_slot = np.argsort(slot, kind="stable")
+    first = np.searchsorted(slot[by_slot], slot)
+    visit = np.empty_like(slot)
+    visit[by_slot] = np.arange(len(slot)) - first[by_slot]
+    by_visit = np.argsort(visit, kind="stable")
+    n_slots = int(slot.max(initial=-1)) + 1
+    content = np.zeros((n_slots, *votes.shape[1:]))
+    n_entered = np.zeros((n_slots, votes.shape[1]), dtype=np.int64)
+    changes, is_first = np.empty_like(votes), np.empty(enters.shape, dtype=np.int64)
+    for rows in np.split(by_visit, np.cumsum(np.bincount(visit))[:-1]):
+        at = slot[rows]
+        is_first[rows] = enters[rows] & (n_entered[at] == 0)
+        n_entered[at] += enters[rows]
+        updated = UPDATE_SLOT[cell_reduce](content[at], votes[rows], n_entered[at][:, :, None])
+        updated = np.where(enters[rows][:, :, None], updated, content[at])
+        changes[rows] = updated - content[at]
+        content[at] = updated
+    return changes, is_first
 
 
-def _mean_history(votes: Array, enters: Bools) -> Array:
-    total = np.cumsum(np.where(enters[:, :, None], votes, 0.0), axis=0)
-    return total / np.maximum(np.cumsum(enters, axis=0), 1)[:, :, None]
+def _running_mean(content: Array, votes: Array, n_entered: Ints) -> Array:
+    return content + (votes - content) / np.maximum(n_entered, 1)
 
 
-def _max_history(votes: Array, enters: Bools) -> Array:
-    return np.maximum.accumulate(np.where(enters[:, :, None], votes, 0.0), axis=0)
+def _running_max(content: Array, votes: Array, n_entered: Ints) -> Array:  # noqa: ARG001
+    return np.maximum(content, votes)
 
 
-def _last_history(votes: Array, enters: Bools) -> Array:
-    position = np.where(enters, np.arange(len(votes))[:, None], -1)
-    latest = np.maximum.accumulate(position, axis=0)[:, :, None]
-    return np.where(latest >= 0, np.take_along_axis(votes, np.maximum(latest, 0), axis=0), 0.0)
+def _latest(content: Array, votes: Array, n_entered: Ints) -> Array:  # noqa: ARG001
+    return votes
 
 
-SLOT_HISTORY = {"mean": _mean_history, "max": _max_history, "last": _last_history}
+UPDATE_SLOT = {"mean": _running_mean, "max": _running_max, "last": _latest}

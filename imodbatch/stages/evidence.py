@@ -8,7 +8,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from imodbatch.config import FuseConfig, ViewpointConfig
-from imodbatch.core.fusion import FusedScores, Method, Mode, Sightings, fuse, marginal
+from imodbatch.core.fusion import FusedScores, Method, Mode, Sightings, fuse_modes, marginal
 from imodbatch.core.voxels import group_labels
 from imodbatch.errors import DataError
 from imodbatch.stages.base import column, view_scores_of
@@ -93,17 +93,26 @@ def sightings_of(
     )
 
 
-def fuse_placed(
-    sightings: Sightings,
-    placed: NDArray[np.int64],
-    scores: NDArray[np.float32],
-    variant: Variant,
-    config: FuseConfig,
+def fuse_variants(sightings: Sightings, config: FuseConfig) -> dict[str, FusedScores]:
+    """Scores of the placed boxes under every method and mode of a configuration."""
+    found: dict[str, FusedScores] = {}
+    for method in config.methods:
+        of_method = [variant for variant in variants(config) if variant.method == method]
+        by_mode = fuse_modes(
+            sightings,
+            method,
+            [variant.mode for variant in of_method],
+            config.cell_reduce,
+            config.probability_floor,
+        )
+        found |= {variant.name: by_mode[variant.mode] for variant in of_method}
+    return {variant.name: found[variant.name] for variant in variants(config)}
+
+
+def everywhere(
+    fused: FusedScores, placed: NDArray[np.int64], scores: NDArray[np.float32]
 ) -> FusedScores:
     """Scores of all boxes (n, K): fused where placed, single-view elsewhere."""
-    fused = fuse(
-        sightings, variant.method, variant.mode, config.cell_reduce, config.probability_floor
-    )
     score = marginal(scores)
     pose_bin = np.full(score.shape, -1, dtype=np.int64)
     n_cells = np.zeros(score.shape, dtype=np.int64)

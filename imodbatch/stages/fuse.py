@@ -1,5 +1,7 @@
 """fuse: boxes that met in a voxel → one score per box, class and method; and the objects found."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
@@ -10,12 +12,13 @@ from imodbatch.core.viewpoint import yaw_from_pose_bin
 from imodbatch.schemas import FUSED, OBJECTS
 from imodbatch.stages.base import StageResult, boxes_of, column, tally
 from imodbatch.stages.evidence import (
-    fuse_placed,
+    OFFLINE_SUFFIX,
+    everywhere,
+    fuse_variants,
     places_of,
     shaped_scores,
     sightings_of,
     survival,
-    variants,
     voxels_of,
 )
 from imodbatch.tables import empty, from_columns
@@ -42,18 +45,14 @@ def run(
     moments = column(seen, "frame_index")
     sightings = sightings_of(seen, scores[placed], voxels_of(seen), moments)
     box, class_id = np.nonzero(survival(detections, n_classes))
+    fused = fuse_variants(sightings, config)
     parts = [
-        _fused_rows(
-            variant.name,
-            detections,
-            box,
-            class_id,
-            fuse_placed(sightings, placed, scores, variant, config),
-        )
-        for variant in variants(config)
+        _fused_rows(name, detections, box, class_id, everywhere(result, placed, scores))
+        for name, result in fused.items()
     ]
     final: dict[Method, FusedScores] = {
-        method: fuse(sightings, method, "offline", config.cell_reduce, config.probability_floor)
+        method: fused.get(method + OFFLINE_SUFFIX)
+        or fuse(sightings, method, "offline", config.cell_reduce, config.probability_floor)
         for method in config.methods
         if method != "single"
     }
@@ -92,7 +91,7 @@ def _objects(
     boxes: pa.Table,
     seen: pa.Table,
     sightings: Sightings,
-    fused: dict[Method, FusedScores],
+    fused: Mapping[Method, FusedScores],
 ) -> pa.Table:
     """One object per voxel and method: its best class after all frames."""
     if seen.num_rows == 0 or not fused:

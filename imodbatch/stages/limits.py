@@ -36,13 +36,12 @@ from imodbatch.stages.base import (
     world_from_cam_of,
 )
 from imodbatch.stages.evidence import (
-    Variant,
-    fuse_placed,
+    everywhere,
+    fuse_variants,
     places_of,
     shaped_scores,
     sightings_of,
     survival,
-    variants,
     voxels_of,
 )
 from imodbatch.tables import empty, from_rows
@@ -50,6 +49,7 @@ from imodbatch.tables import empty, from_rows
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 SWEEP_METRIC = "ap_voc07_11pt"
+CEILING_METHODS = ("imod", "imod_offline")
 
 
 @dataclass(frozen=True)
@@ -119,15 +119,21 @@ class Evidence:
     def _number(self, voxels: Ints) -> Ints:
         return group_labels(np.column_stack([self.sequence[self.placed], voxels]))
 
-    def candidate_scores(self, voxel_numbers: Ints, variant: Variant) -> Array:
-        """(D,) scores of the candidates when boxes meet in the voxels given."""
+    def candidate_scores(self, voxel_numbers: Ints) -> dict[str, Array]:
+        """Method → (D,) scores of the candidates when boxes meet in the voxels given."""
         seen = self.observations.take(self.placed)
         sightings = sightings_of(
             seen, self.scores[self.placed], voxel_numbers[:, None], self.image[self.placed]
         )
-        fused = fuse_placed(sightings, self.placed, self.scores, variant, self.pipeline.fuse)
         box, class_id = self.survivors
-        return fused.score[box, class_id].astype(np.float32).astype(np.float64)
+        return {
+            # rounded as the fused table stores them, so that ties are the same
+            name: everywhere(fused, self.placed, self.scores)
+            .score[box, class_id]
+            .astype(np.float32)
+            .astype(np.float64)
+            for name, fused in fuse_variants(sightings, self.pipeline.fuse).items()
+        }
 
     def average_precisions(self, scores: Array, iou_percent: int) -> Array:
         """11-point AP per class (K,)."""
@@ -143,12 +149,11 @@ def sweep(evidence: Evidence, progress: Progress[float] = iter) -> StageResult:
     iou_percent = evidence.pipeline.score.iou_percents[0]
     for size_m in progress(evidence.pipeline.score.voxel_sweep_m):
         numbers = evidence.voxel_numbers(size_m)
-        for variant in variants(evidence.pipeline.fuse):
-            scores = evidence.candidate_scores(numbers, variant)
+        for name, scores in evidence.candidate_scores(numbers).items():
             value = mean_over_classes(evidence.average_precisions(scores, iou_percent))
             rows.append(
                 {
-                    "method": variant.name,
+                    "method": name,
                     "voxel_mm": round(1000 * size_m),
                     "metric": SWEEP_METRIC,
                     "value": value if np.isfinite(value) else None,
@@ -260,14 +265,15 @@ def _camera_centers(evidence: Evidence, poses: pa.Table) -> Array:
 
 
 def _ceilings(evidence: Evidence) -> list[dict[str, Any]]:
-    """AP of imod with looser boxes, with a voxel of its own per instance, with a perfect ranking."""
-    by_name = {variant.name: variant for variant in variants(evidence.pipeline.fuse)}
-    chosen = by_name.get("imod") or by_name.get("imod_offline")
-    if chosen is None or not len(evidence.truth.image):
+    """AP of imod with looser boxes, one voxel per instance, a perfect ranking."""
+    if not len(evidence.truth.image):
         return []
     iou_percent = evidence.pipeline.score.iou_percents[0]
-    usual = evidence.candidate_scores(evidence.own_voxels, chosen)
-    oracle = evidence.candidate_scores(_oracle_voxels(evidence), chosen)
+    by_method = evidence.candidate_scores(evidence.own_voxels)
+    chosen = next((name for name in CEILING_METHODS if name in by_method), None)
+    if chosen is None:
+        return []
+    usual, oracle = by_method[chosen], evidence.candidate_scores(_oracle_voxels(evidence))[chosen]
     perfect = (evidence.overlaps.candidate_iou >= iou_percent / 100).astype(np.float64)
     counted = evidence.truth.counted(evidence.n_classes)
     rows = []
