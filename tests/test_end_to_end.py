@@ -169,13 +169,6 @@ def test_imod_is_its_formula(run: Run) -> None:
     assert boxes.status.nunique() == 2
 
 
-def test_views_that_agree_beat_single_views(run: Run) -> None:
-    """On this dataset; it is simulated so that they can."""
-    metrics = run.table("metrics").set_index(["metric", "method", "iou_percent", "class_name"])
-    ap = metrics.value["ap_voc07_11pt"]
-    assert ap["imod_offline", 50, "mean"] > ap["single", 50, "mean"] > 0.5
-
-
 def test_the_report_stands_alone(run: Run) -> None:
     """No script, style, font or picture comes from another file or from the network."""
     path = run.folder / "report" / "report.html"
