@@ -47,6 +47,7 @@ lint: dev
 bench: dev
 	$(BIN)/python tests/benchmarks/bench_fusion.py
 	$(BIN)/python tests/benchmarks/bench_depth.py
+	$(BIN)/python tests/benchmarks/bench_raycast.py
 
 install: $(INSTALLED)
 dev: $(DEV)

@@ -52,8 +52,9 @@ SECTION = np.dtype(
 def undefined_functions(library: Path, prefixes: tuple[str, ...]) -> list[str]:
     """Names that a 64-bit little-endian ELF library expects others to define, by prefix."""
     data = np.memmap(library, dtype=np.uint8, mode="r")
-    (table_offset,) = struct.unpack_from("<Q", data, 0x28)
-    (n_sections,) = struct.unpack_from("<H", data, 0x3C)
+    header = data[:64].tobytes()
+    (table_offset,) = struct.unpack_from("<Q", header, 0x28)
+    (n_sections,) = struct.unpack_from("<H", header, 0x3C)
     sections = np.frombuffer(data, SECTION, n_sections, table_offset)
     symbols_at = sections[sections["type"] == SHT_DYNSYM][0]
     names_at = sections[symbols_at["link"]]
