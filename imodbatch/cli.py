@@ -67,6 +67,8 @@ class _OneLineErrors(click.Group):
             return super().invoke(ctx)
         except ImodError as error:
             _fail(str(error))
+        except BrokenPipeError:  # the reader of our output has seen enough; click ends quietly
+            raise
         except (PermissionError, FileNotFoundError, FileExistsError, NotADirectoryError) as error:
             _fail(f"{error.filename}: {error.strerror}. Check the path and its permissions.")
         except OSError as error:

@@ -267,3 +267,11 @@ def code_of(markdown: str) -> str:
     indented = re.findall(r"(?m)^ {4,}(.+)$", rest)
     inline: list[Any] = re.findall(r"`([^`\n]+)`", rest)
     return "\n".join([*fences, *indented, *inline])
+
+
+def test_a_closed_pipe_is_no_error() -> None:
+    """`imodbatch schema | head -1`."""
+    command = f"{sys.executable} -m imodbatch.cli schema | head -1"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("frames/")
+    assert done.stderr == ""
