@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from imodbatch import __version__
+from imodbatch.cli_data import DATA_COMMANDS
 from imodbatch.errors import ImodError
 
 if TYPE_CHECKING:
@@ -259,32 +260,8 @@ def schema(table: str | None) -> None:
             click.echo(f"  {name:20} {str(column.dtype) + nullable:16} {column.meaning}")
 
 
-@main.command()
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
-@click.option(
-    "--world", type=click.Choice(["analytic"]), default="analytic", show_default=True, help="Scene."
-)
-@click.option("--seed", type=int, default=0, show_default=True, help="Other seed, other data.")
-def simulate(folder: Path, world: str, seed: int) -> None:
-    """Seed → a dataset folder with colour, depth, poses, true boxes and simulated detections.
-
-    \b
-    Example:
-      imodbatch simulate data/analytic
-    """  # noqa: D301 (click wants the character, not a backslash)
-    del world
-    from tqdm import tqdm
-
-    from imodbatch.simulation.analytic import write_dataset
-
-    with tqdm(desc="simulate", leave=False, disable=None) as bar:
-
-        def advance(n_done: int, n_total: int) -> None:
-            bar.total = n_total
-            bar.update(n_done - bar.n)
-
-        write_dataset(folder, seed=seed, progress=advance)
-    click.echo(f"simulate: {folder}")
+for _command in DATA_COMMANDS:
+    main.add_command(_command)
 
 
 if __name__ == "__main__":

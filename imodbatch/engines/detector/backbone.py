@@ -4,8 +4,9 @@ The feature pyramid (Lin et al. 2017, "Feature Pyramid Networks for Object Detec
 meaning of the coarse layers down to the fine ones. Light detectors leave stride 4 out: it holds
 three quarters of all cells and only helps for objects of a few pixels.
 
-The body keeps the parameter names of torchvision's classification networks (of `features` for the
-MobileNets), so that `backbone.body.load_state_dict(pretrained, strict=False)` starts a training.
+The body keeps the parameter names of the classification networks (of `features` for the MobileNets
+and EfficientNet-Lite0), so that `backbone.body.load_state_dict(pretrained, strict=False)` starts a
+training.
 """
 
 from collections import OrderedDict
@@ -17,6 +18,7 @@ from torchvision.models._utils import IntermediateLayerGetter
 from torchvision.ops.feature_pyramid_network import FeaturePyramidNetwork, LastLevelMaxPool
 
 from imodbatch.engines.detector.card import Architecture
+from imodbatch.engines.detector.efficientnet_lite import EfficientNetLite0
 
 DEEPEST_STRIDE = 32  # of every body below; a coarser level is max-pooled by the pyramid
 
@@ -40,7 +42,8 @@ _TAPS: dict[str, dict[int, _Tap]] = {
     "resnet34": _resnet_taps((64, 128, 256, 512)),
     "resnet50": _resnet_taps((256, 512, 1024, 2048)),
     "resnet101": _resnet_taps((256, 512, 1024, 2048)),
-    # Without the last, pointwise convolution of the MobileNets, which serves the classifier only.
+    # Without the last, pointwise convolution of the MobileNets and of EfficientNet-Lite0, which
+    # serves the classifier only.
     "mobilenet_v2": {4: _Tap("3", 24), 8: _Tap("6", 32), 16: _Tap("13", 96), 32: _Tap("17", 320)},
     "mobilenet_v3_large": {
         4: _Tap("3", 24),
@@ -48,12 +51,26 @@ _TAPS: dict[str, dict[int, _Tap]] = {
         16: _Tap("12", 112),
         32: _Tap("15", 160),
     },
+    "efficientnet_lite0": {
+        4: _Tap("3", 24),
+        8: _Tap("5", 40),
+        16: _Tap("11", 112),
+        32: _Tap("16", 320),
+    },
 }
 
 
 def pooled_level_names(architecture: Architecture) -> list[str]:
     """Name the pyramid levels that RoIs are pooled from, fine to coarse (see `PyramidBackbone`)."""
     return [str(stride) for stride in architecture.fpn_strides if stride <= DEEPEST_STRIDE]
+
+
+def _classification_network(name: str) -> nn.Module:
+    """Build the network that a card calls `backbone`, random weights."""
+    if name == "efficientnet_lite0":
+        return EfficientNetLite0()
+    network: nn.Module = getattr(torchvision.models, name)(weights=None)
+    return network
 
 
 class PyramidBackbone(nn.Module):
@@ -67,8 +84,8 @@ class PyramidBackbone(nn.Module):
 
     def __init__(self, architecture: Architecture) -> None:
         super().__init__()
-        network = getattr(torchvision.models, architecture.backbone)(weights=None)
-        layers = network.features if architecture.backbone.startswith("mobilenet") else network
+        network = _classification_network(architecture.backbone)
+        layers = getattr(network, "features", network)  # a ResNet's layers are its own children
         names = pooled_level_names(architecture)
         taps = {name: _TAPS[architecture.backbone][int(name)] for name in names}
         self.out_channels = architecture.fpn_channels

@@ -25,7 +25,13 @@ FORMAT_VERSION = 1
 WEIGHTS_SUFFIX = ".safetensors"
 
 Backbone = Literal[
-    "resnet18", "resnet34", "resnet50", "resnet101", "mobilenet_v2", "mobilenet_v3_large"
+    "resnet18",
+    "resnet34",
+    "resnet50",
+    "resnet101",
+    "mobilenet_v2",
+    "mobilenet_v3_large",
+    "efficientnet_lite0",
 ]
 PositiveInt = Annotated[int, Field(gt=0)]
 PositiveFloat = Annotated[float, Field(gt=0)]
@@ -36,7 +42,7 @@ class Architecture(BaseModel):
     """The shape of the network; every value changes either a tensor or what is computed from it.
 
     Attributes:
-        backbone: the torchvision network that makes the features.
+        backbone: the network that makes the features, torchvision's but for efficientnet_lite0.
         fpn_channels: channels of every level of the feature pyramid.
         fpn_strides: pixels per cell of each level, each twice the one before, out of 4, 8, 16, 32
             and 64. 64 is the 32 level max-pooled; it makes proposals and is not pooled from.

@@ -1,0 +1,271 @@
+"""Commands that make data and detectors: simulate, synth, train.
+
+Heavy libraries load inside the commands.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+
+@contextmanager
+def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar on stderr, moved by calling with what is done and what there is."""
+    from tqdm import tqdm
+
+    with tqdm(desc=name, leave=False, disable=None) as bar:
+
+        def advance(n_done: int, n_total: int) -> None:
+            bar.total = n_total
+            bar.update(n_done - bar.n)
+
+        yield advance
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.option(
+    "--world",
+    type=click.Choice(["analytic", "house", "rooms"]),
+    default="analytic",
+    show_default=True,
+    help="analytic: with simulated detections; house: for a real detector; rooms: backgrounds.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Other seed, other data.")
+@click.option(
+    "--split",
+    type=click.Choice(["train", "val", "test"]),
+    default="test",
+    show_default=True,
+    help="Houses of which furniture, textures and light; none is shared.",
+)
+@click.option("--worlds", type=click.IntRange(min=1), help="Sequences. Default: house 4.")
+@click.option(
+    "--frames", type=click.IntRange(min=4), help="Per sequence (75), or of rooms in all (300)."
+)
+@click.option(
+    "--models",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Your own objects in place of the seventeen (house).",
+)
+def simulate(
+    folder: Path,
+    world: str,
+    seed: int,
+    split: str,
+    worlds: int | None,
+    frames: int | None,
+    models: Path | None,
+) -> None:
+    """Seed → a dataset folder with colour, depth, poses and true boxes.
+
+    \b
+    Example:
+      imodbatch simulate data/house_test --world house --split test
+    """  # noqa: D301 (click wants the character, not a backslash)
+    if models is not None and world != "house":
+        raise click.UsageError("--models needs --world house.")
+    sizes: dict[str, Any] = {"n_frames": frames} if frames is not None else {}
+    with _bar("simulate") as advance:
+        if world == "house":
+            from imodbatch.simulation.houses import write_house_dataset
+            from imodbatch.simulation.models import load_models
+
+            own = None if models is None else load_models(models)
+            if worlds is not None:
+                sizes["n_worlds"] = worlds
+            write_house_dataset(folder, split, seed, models=own, progress=advance, **sizes)
+        elif world == "rooms":
+            from imodbatch.simulation.houses import write_backgrounds
+
+            write_backgrounds(folder, split, frames or 300, seed, advance)
+        else:
+            from imodbatch.simulation.analytic import write_dataset
+
+            if worlds is not None:
+                sizes["n_sequences"] = worlds
+            write_dataset(folder, seed=seed, progress=advance, **sizes)
+    click.echo(f"simulate: {folder}")
+
+
+@click.command()
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option(
+    "--objects",
+    metavar="NAMES",
+    help="household17 (default) or some of its objects, separated by commas.",
+)
+@click.option(
+    "--models",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Your own: Gazebo model folders, GLB, OBJ, DAE or PLY files.",
+)
+@click.option(
+    "--turntable",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="UW RGB-D Object dataset: a folder per category.",
+)
+@click.option(
+    "--backgrounds",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="DIR",
+    help="Pictures without target objects.",
+)
+@click.option("--n", type=click.IntRange(min=1), default=18000, show_default=True, help="Pictures.")
+@click.option(
+    "--azimuths", type=click.IntRange(min=1), default=16, show_default=True, help="Azimuth bins."
+)
+@click.option(
+    "--elevations", default="10,30,50", show_default=True, metavar="DEG,…", help="Elevation bins."
+)
+@click.option(
+    "--variants",
+    type=click.IntRange(min=1),
+    default=8,
+    show_default=True,
+    help="Renders per object and viewpoint bin.",
+)
+@click.option(
+    "--symmetry",
+    "symmetries",
+    multiple=True,
+    metavar="NAME=full|N",
+    help="A class that looks the same from all sides, or N times per turn; may be repeated.",
+)
+@click.option(
+    "--without",
+    multiple=True,
+    metavar="INSTANCE",
+    help="Turntable instance to keep for testing, such as bowl_1; may be repeated.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of chance.")
+@click.option(
+    "--workers", type=click.IntRange(min=1), default=1, show_default=True, help="Processes."
+)
+@click.option(
+    "--cache",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Where renders are kept. Default: ~/.cache/imodbatch/views.",
+)
+@click.option("--overwrite", is_flag=True, help="Make all pictures anew.")
+def synth(
+    out: Path,
+    objects: str | None,
+    models: Path | None,
+    turntable: Path | None,
+    backgrounds: Path,
+    n: int,
+    azimuths: int,
+    elevations: str,
+    variants: int,
+    symmetries: tuple[str, ...],
+    without: tuple[str, ...],
+    seed: int,
+    workers: int,
+    cache: Path | None,
+    overwrite: bool,
+) -> None:
+    """Objects + backgrounds → training pictures with COCO boxes, azimuth and elevation bins.
+
+    \b
+    Example:
+      imodbatch synth data/synth --objects household17 --backgrounds data/rooms --workers 2
+    """  # noqa: D301 (click wants the character, not a backslash)
+    from imodbatch.errors import ConfigError
+    from imodbatch.training import Recipe, ViewSettings, sources, write_dataset
+    from imodbatch.training.backgrounds import list_backgrounds
+
+    if sum(source is not None for source in (objects, models, turntable)) > 1:
+        raise ConfigError("Name one of --objects, --models and --turntable, not several.")
+    if without and turntable is None:
+        raise ConfigError("--without: names turntable instances; it needs --turntable.")
+    grid = sources.grid_of(azimuths, elevations)
+    symmetry = sources.parse_symmetries(symmetries)
+    pictures = list_backgrounds(backgrounds)
+    cache = cache or sources.default_cache()
+    if turntable is not None:
+        tables, line = sources.turntable_views(
+            turntable, cache, without=without, symmetries=symmetry
+        )
+    else:
+        chosen = (
+            sources.catalogue_models(objects or "household17", symmetry)
+            if models is None
+            else sources.folder_models(models, symmetry)
+        )
+        settings = ViewSettings(grid=grid, n_variants=variants)
+        with _bar("views") as advance:
+            tables, line = sources.views_of(chosen, settings, cache, workers, advance)
+    click.echo(f"synth views: {line}")
+    recipe = Recipe(tuple(tables), tuple(pictures), grid, seed=seed)
+    with _bar("synth") as advance:
+        summary = write_dataset(
+            out, recipe, n, workers=workers, overwrite=overwrite, progress=advance
+        )
+    click.echo(f"synth {out}: {summary}")
+
+
+@click.command()
+@click.argument("config")
+@click.option(
+    "--data",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="COCO folder, as `imodbatch synth` writes it.",
+)
+@click.option("--val", type=click.Path(path_type=Path), help="COCO folder to try the detector on.")
+@click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False), required=True, help="Results."
+)
+@click.option(
+    "--minutes", type=click.FloatRange(min=0), help="Stop after so long, to resume later."
+)
+@click.option("--resume", is_flag=True, help="Go on from the checkpoint in --out.")
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="SECTION.KEY=VALUE",
+    help="Override one setting of the recipe; may be repeated.",
+)
+def train(
+    config: str,
+    data: Path,
+    val: Path | None,
+    out: Path,
+    minutes: float | None,
+    resume: bool,
+    settings: tuple[str, ...],
+) -> None:
+    """Images with boxes and viewpoints → a detector; CONFIG is light, paper, or a TOML file.
+
+    \b
+    Example:
+      imodbatch train light --data data/synth --val data/synth_val --out runs/light --minutes 60
+    """  # noqa: D301 (click wants the character, not a backslash)
+    from imodbatch.engines.detector.recipes import load_recipe
+    from imodbatch.engines.detector.training_loop import train as run_training
+    from imodbatch.engines.detector.training_samples import CocoStream
+
+    recipe = load_recipe(config, settings)
+    stream = CocoStream(data, recipe.seed)
+    validation = None if val is None else CocoStream(val, seed=None)
+    with _bar("train") as advance:
+        outcome = run_training(recipe, stream, out, validation, minutes, resume, advance)
+    figures = outcome.figures
+    found = f", mean AP {figures['mean_ap_voc07_11pt']}" if figures else ""
+    state = "done" if outcome.is_done else "stopped, go on with --resume"
+    click.echo(
+        f"train: {outcome.step} of {outcome.n_steps} steps{found}: {outcome.weights}, {state}"
+    )
+
+
+DATA_COMMANDS = (simulate, synth, train)

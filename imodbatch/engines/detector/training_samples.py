@@ -1,0 +1,293 @@
+"""What a training learns from: images with boxes and viewpoints, from a folder or made on the fly.
+
+Every source is a `Stream`: an endless, numbered row of samples. Draw number n is the same sample in
+every run, whichever worker process makes it, so a training that is resumed sees exactly the images
+that it would have seen without the break, and two trainings with the same seed see the same ones.
+
+A COCO folder is read as `imodbatch synth` writes it: one JSON file with "images", "annotations"
+and "categories"; an annotation carries `bbox`, `category_id`, and, where the viewpoint is known,
+`azimuth_deg` and `elevation_deg` in the object's own frame; `ignore` or `iscrowd` marks what counts
+neither way; a category may carry `symmetry`: "none", "full", or the number of turns that map it
+onto itself. Angles are kept continuous, so that one folder serves every viewpoint grid.
+"""
+
+import json
+import math
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imodbatch.errors import DataError
+from imodbatch.images import read_color
+
+Symmetry = int
+"""Turns that map an object onto itself: 1 = none, n = n-fold, 0 = full (a body of revolution)."""
+FULL_SYMMETRY: Symmetry = 0
+NO_SYMMETRY: Symmetry = 1
+
+JSON_NAMES = ("annotations.json", "coco.json", "instances.json")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One image and what is in it.
+
+    Attributes:
+        image: (H, W, 3) uint8 RGB.
+        boxes: (n, 4) float32 x0 y0 x1 y1, continuous pixels.
+        class_ids: (n,) int64 in 0..K-1.
+        azimuth_rad: (n,) float32 from where the object is seen, in its own frame; NaN = unknown.
+        elevation_rad: (n,) float32 above the horizon; NaN = unknown.
+        is_ignored: (n,) bool, boxes that are neither object nor background.
+    """
+
+    image: NDArray[np.uint8]
+    boxes: NDArray[np.float32]
+    class_ids: NDArray[np.int64]
+    azimuth_rad: NDArray[np.float32]
+    elevation_rad: NDArray[np.float32]
+    is_ignored: NDArray[np.bool_]
+
+
+class Stream(Protocol):
+    """An endless, numbered row of samples.
+
+    Attributes:
+        classes: the K category names.
+        symmetries: the symmetry of each.
+    """
+
+    classes: tuple[str, ...]
+    symmetries: tuple[Symmetry, ...]
+
+    def __getitem__(self, draw: int) -> Sample:
+        """Make sample number `draw`, always the same one."""
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """What the card says of the data."""
+        ...
+
+
+@dataclass(frozen=True)
+class ComposedStream:
+    """Samples made on the fly, in the loader's worker processes.
+
+    Attributes:
+        compose: number → sample; must depend on the number alone, and be picklable or forkable.
+        classes: the K category names.
+        symmetries: the symmetry of each.
+        description: for the card.
+    """
+
+    compose: Callable[[int], Sample]
+    classes: tuple[str, ...]
+    symmetries: tuple[Symmetry, ...]
+    description: dict[str, Any]
+
+    def __getitem__(self, draw: int) -> Sample:
+        """Make sample number `draw`."""
+        return self.compose(draw)
+
+    def describe(self) -> dict[str, Any]:
+        """What the card says of the data."""
+        return self.description
+
+
+class Picture(Protocol):
+    """What `imodbatch.training.composition` makes: a sample under other names, and more."""
+
+    image: NDArray[np.uint8]
+    boxes: NDArray[np.float32]
+    class_ids: NDArray[np.int64]
+    azimuth_rad: NDArray[np.float32]
+    elevation_rad: NDArray[np.float32]
+    ignore: NDArray[np.bool_]
+
+
+class Composer(Protocol):
+    """Pictures by number; symmetries as `parse_symmetry` reads them."""
+
+    class_names: tuple[str, ...]
+    symmetries: tuple[Any, ...]
+
+    def __call__(self, index: int) -> Any:
+        """Make `Picture` number `index`."""
+        ...
+
+
+@dataclass(frozen=True)
+class _AsSample:
+    """A composer seen as a maker of samples; a class, so that it can be pickled."""
+
+    composer: Composer
+
+    def __call__(self, draw: int) -> Sample:
+        picture: Picture = self.composer(draw)
+        return Sample(
+            image=picture.image,
+            boxes=picture.boxes,
+            class_ids=picture.class_ids,
+            azimuth_rad=picture.azimuth_rad,
+            elevation_rad=picture.elevation_rad,
+            is_ignored=picture.ignore,
+        )
+
+
+def composed_stream(composer: Composer, description: dict[str, Any]) -> ComposedStream:
+    """Make a stream of the pictures of `imodbatch.training.composition.Composer`.
+
+    Args:
+        composer: number → picture.
+        description: of the data, for the card.
+    """
+    symmetries = tuple(parse_symmetry(symmetry) for symmetry in composer.symmetries)
+    return ComposedStream(_AsSample(composer), composer.class_names, symmetries, description)
+
+
+class CocoStream:
+    """The images of a COCO folder, shuffled anew in every round.
+
+    Attributes:
+        classes: category names, by ascending id.
+        symmetries: the symmetry of each.
+        n_images: images in the folder.
+    """
+
+    def __init__(self, folder: str | Path, seed: int | None = 0) -> None:
+        """Read the folder's JSON.
+
+        Args:
+            folder: holds the images and one COCO JSON, or is that JSON's own path.
+            seed: of the shuffling; None = the order of the file.
+
+        Raises:
+            DataError: there is no such file, or it is not COCO's.
+        """
+        self.path = _find_json(Path(folder))
+        self._root = self.path.parent
+        content = _read_json(self.path)
+        try:
+            self._read(content)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise DataError(
+                f"{self.path}: not COCO annotations: {type(error).__name__} {error}. "
+                f"Write it with `imodbatch synth`."
+            ) from None
+        if not self._files:
+            raise DataError(f"{self.path}: lists no images. Run `imodbatch synth` again.")
+        self._seed = seed
+        self._round: tuple[int, NDArray[np.int64]] = (-1, np.zeros(0, dtype=np.int64))
+
+    def _read(self, content: dict[str, Any]) -> None:
+        categories = sorted(content["categories"], key=lambda category: int(category["id"]))
+        self.classes = tuple(str(category["name"]) for category in categories)
+        self.symmetries = tuple(
+            parse_symmetry(category.get("symmetry", "none")) for category in categories
+        )
+        class_of = {category["id"]: k for k, category in enumerate(categories)}
+        annotations: dict[Any, list[dict[str, Any]]] = defaultdict(list)
+        for annotation in content["annotations"]:
+            annotations[annotation["image_id"]].append(annotation)
+        self._files = [str(image["file_name"]) for image in content["images"]]
+        self._labels = [_labels(annotations[image["id"]], class_of) for image in content["images"]]
+
+    @property
+    def n_images(self) -> int:
+        """Images in the folder."""
+        return len(self._files)
+
+    def read(self, index: int) -> Sample:
+        """Read the image at a position of the file."""
+        boxes, class_ids, azimuth, elevation, ignored = self._labels[index]
+        image = read_color(self._root / self._files[index])
+        return Sample(image, boxes, class_ids, azimuth, elevation, ignored)
+
+    def __getitem__(self, draw: int) -> Sample:
+        """Read draw number `draw` of the shuffled, repeated folder."""
+        number, position = divmod(draw, self.n_images)
+        if self._seed is None:
+            return self.read(position)
+        if self._round[0] != number:
+            order = np.random.default_rng((self._seed, number)).permutation(self.n_images)
+            self._round = (number, order)
+        return self.read(int(self._round[1][position]))
+
+    def describe(self) -> dict[str, Any]:
+        """What the card says of the data."""
+        n_boxes = sum(len(labels[0]) for labels in self._labels)
+        return {"folder": self._root.name, "n_images": self.n_images, "n_boxes": n_boxes}
+
+
+def parse_symmetry(value: object) -> Symmetry:
+    """Read the `symmetry` of a category: "none", "full" or a number of turns.
+
+    Raises:
+        ValueError: it is none of them.
+    """
+    if value in (None, "none"):
+        return NO_SYMMETRY
+    if value == "full":
+        return FULL_SYMMETRY
+    if isinstance(value, int) and not isinstance(value, bool) and value >= 1:
+        return value
+    raise ValueError(f'symmetry: expected "none", "full" or a number of turns, found {value!r}')
+
+
+_Labels = tuple[
+    NDArray[np.float32],
+    NDArray[np.int64],
+    NDArray[np.float32],
+    NDArray[np.float32],
+    NDArray[np.bool_],
+]
+
+
+def _labels(annotations: list[dict[str, Any]], class_of: dict[Any, int]) -> _Labels:
+    """Turn the annotations of an image into arrays; a box without area is left out."""
+    kept = [a for a in annotations if a["bbox"][2] > 0 and a["bbox"][3] > 0]
+    boxes = np.array([a["bbox"] for a in kept], dtype=np.float32).reshape(-1, 4)
+    boxes[:, 2:] += boxes[:, :2]  # COCO says x, y, width, height
+    ignored = [bool(a.get("ignore", 0)) or bool(a.get("iscrowd", 0)) for a in kept]
+    return (
+        boxes,
+        np.array([class_of[a["category_id"]] for a in kept], dtype=np.int64),
+        np.array([_radians(a, "azimuth_deg") for a in kept], dtype=np.float32),
+        np.array([_radians(a, "elevation_deg") for a in kept], dtype=np.float32),
+        np.array(ignored, dtype=np.bool_),
+    )
+
+
+def _radians(annotation: dict[str, Any], key: str) -> float:
+    value = annotation.get(key)
+    return math.nan if value is None else math.radians(float(value))
+
+
+def _find_json(path: Path) -> Path:
+    if path.is_file():
+        return path
+    if not path.is_dir():
+        raise DataError(f"{path}: no such folder. Write one with `imodbatch synth`.")
+    named = [path / name for name in JSON_NAMES if (path / name).is_file()]
+    found = named or sorted(path.glob("*.json"))
+    if len(found) != 1:
+        raise DataError(
+            f"{path}: expected one COCO file ({', '.join(JSON_NAMES)}), found "
+            f"{', '.join(file.name for file in found) or 'none'}. Name the JSON file itself."
+        )
+    return found[0]
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: not readable JSON ({' '.join(str(error).split())}).") from None
+    if not isinstance(content, dict):
+        raise DataError(f"{path}: not COCO annotations: expected an object at the top.")
+    return content

@@ -1,0 +1,115 @@
+"""How a drive lies on disk: JPEG colour, 16-bit depth, TUM trajectories, COCO annotations."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from imodbatch.core.camera import PinholeCamera
+from imodbatch.core.frames import quaternion_from_matrix
+from imodbatch.simulation.analytic.sensor import to_millimetres
+from imodbatch.simulation.houses.sequence import GRID_8, GRID_16, HouseFrame, SeenTarget
+
+FRAMES_PER_SECOND = 5
+JPEG_QUALITY = 93
+
+
+def color_file(frame_index: int) -> str:
+    """A colour image's path within its sequence."""
+    return f"color/{frame_index:06d}.jpg"
+
+
+def write_color(path: Path, color: NDArray[np.uint8]) -> None:
+    """A JPEG without chroma subsampling: small print stays."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(color).save(path, quality=JPEG_QUALITY, subsampling=0)
+
+
+def write_images(folder: Path, frame_index: int, frame: HouseFrame) -> None:
+    """Colour as JPEG, measured depth as 16-bit millimetres (0 = none)."""
+    write_color(folder / color_file(frame_index), frame.color)
+    path = folder / f"depth/{frame_index:06d}.png"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    depth = to_millimetres(frame.measured_depth_m.astype(np.float64))
+    Image.fromarray(depth).save(path, compress_level=4)
+
+
+def write_trajectory(path: Path, world_from_cam: NDArray[np.float64], what: str) -> None:
+    """Poses (F, 4, 4) as TUM lines ``stamp tx ty tz qx qy qz qw``, world_from_cam."""
+    lines = [f"# {what}: stamp_s tx_m ty_m tz_m qx qy qz qw, camera in the world, +z up"]
+    for frame_index, pose in enumerate(world_from_cam):
+        w, x, y, z = quaternion_from_matrix(pose[:3, :3])
+        numbers = " ".join(f"{value:.9f}" for value in (*pose[:3, 3], x, y, z, w))
+        lines.append(f"{frame_index / FRAMES_PER_SECOND:.6f} {numbers}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def write_annotations(
+    path: Path,
+    camera: PinholeCamera,
+    classes: Sequence[str],
+    seen_by_frame: Sequence[Sequence[SeenTarget]],
+) -> None:
+    """True boxes as COCO, with viewpoints; `ignore` = 1 for hidden, cut and tiny objects."""
+    annotations = [
+        _annotation(frame_index, seen)
+        for frame_index, all_seen in enumerate(seen_by_frame)
+        for seen in all_seen
+    ]
+    content = {
+        "info": {
+            "description": "Simulated house. Boxes enclose whole outlines within the image, hidden "
+            "parts included, in continuous pixels (corner = 0). azimuth_deg and elevation_deg: of "
+            "the camera in the object's own frame. Bins: 3 x 16 and 3 x 8, elevations 10 30 50."
+        },
+        "images": [
+            {
+                "id": frame_index,
+                "file_name": color_file(frame_index),
+                "width": camera.width_px,
+                "height": camera.height_px,
+            }
+            for frame_index in range(len(seen_by_frame))
+        ],
+        "categories": [{"id": k + 1, "name": name} for k, name in enumerate(classes)],
+        "annotations": [{"id": i + 1, **entry} for i, entry in enumerate(annotations)],
+    }
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def _annotation(frame_index: int, seen: SeenTarget) -> dict[str, Any]:
+    x0, y0, x1, y1 = seen.box_px
+    return {
+        "image_id": frame_index,
+        "category_id": seen.target.class_id + 1,
+        "bbox": [x0, y0, x1 - x0, y1 - y0],
+        "area": seen.n_pixels,
+        "iscrowd": 0,
+        "ignore": int(seen.is_ignored),
+        "instance": seen.target.instance_id,
+        "visibility": round(seen.visibility, 4),
+        "azimuth_deg": round(float(np.rad2deg(seen.azimuth_rad)), 6),
+        "elevation_deg": round(float(np.rad2deg(seen.elevation_rad)), 6),
+        "azimuth_bin16": int(GRID_16.azimuth_bins(seen.azimuth_rad)),
+        "azimuth_bin8": int(GRID_8.azimuth_bins(seen.azimuth_rad)),
+        "elevation_bin": int(GRID_16.elevation_bins(seen.elevation_rad)),
+    }
+
+
+def write_camera(path: Path, camera: PinholeCamera) -> None:
+    """Intrinsics in continuous pixels; depth is registered to colour, in millimetres."""
+    content = {
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
+        "fx_px": camera.fx_px,
+        "fy_px": camera.fy_px,
+        "cx_px": camera.cx_px,
+        "cy_px": camera.cy_px,
+        "depth_scale_m": 0.001,
+        "frames_per_second": FRAMES_PER_SECOND,
+    }
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,134 @@
+"""Which objects a user asks for → their cutouts, and a line that says what came of it."""
+
+import os
+import time
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from imodbatch.core.viewpoint import ViewGrid
+from imodbatch.errors import ConfigError
+from imodbatch.simulation.mesh import ObjectModel, Symmetry
+from imodbatch.simulation.models import load_models
+from imodbatch.simulation.objects import OBJECTS, load_object
+from imodbatch.training.turntable import class_names_of, read_turntable
+from imodbatch.training.views import Progress, ViewSettings, prepare_views
+
+CATALOGUES = {"household17": tuple(OBJECTS)}
+"""Sets of objects that come with the package."""
+
+
+def default_cache() -> Path:
+    """Where cutouts are kept between runs unless the user names a place."""
+    root = os.environ.get("XDG_CACHE_HOME")
+    return (Path(root) if root else Path.home() / ".cache") / "imodbatch" / "views"
+
+
+def catalogue_models(
+    names: str, symmetries: Mapping[str, Symmetry] | None = None
+) -> list[ObjectModel]:
+    """Objects of a catalogue, or those named, separated by commas."""
+    chosen = CATALOGUES.get(names) or tuple(name.strip() for name in names.split(","))
+    return _with_symmetries([load_object(name) for name in chosen], symmetries or {})
+
+
+def folder_models(
+    folder: Path, symmetries: Mapping[str, Symmetry] | None = None
+) -> list[ObjectModel]:
+    """A user's own models; files do not say how symmetric they are, so the user may."""
+    return _with_symmetries(load_models(folder), symmetries or {})
+
+
+def views_of(
+    models: list[ObjectModel],
+    settings: ViewSettings,
+    cache: Path,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> tuple[list[Path], str]:
+    """Cutouts of models, and a line."""
+    begin, first, last = time.perf_counter(), 0, 0
+
+    def advance(done: int, total: int) -> None:
+        nonlocal first, last
+        first, last = (done if not last else first), total
+        if progress:
+            progress(done, total)
+
+    tables = prepare_views(models, cache, settings, workers=workers, progress=advance)
+    made = last - first
+    seconds = time.perf_counter() - begin
+    pace = f" ({made / seconds:.1f} per second)" if made else ""
+    return tables, (
+        f"{len(models)} objects × {settings.n_views} views = {last:,} = {made:,} rendered{pace} + "
+        f"{first:,} from cache"
+    )
+
+
+def turntable_views(
+    folder: Path,
+    cache: Path,
+    instances: Collection[str] | None = None,
+    without: Collection[str] = (),
+    symmetries: Mapping[str, Symmetry] | None = None,
+) -> tuple[list[Path], str]:
+    """Cutouts of turntable crops, and a line."""
+    tables, counts = read_turntable(
+        folder, cache, instances=instances, without=without, symmetries=symmetries
+    )
+    _check_names(symmetries or {}, class_names_of(tables))
+    return tables, f"{len(tables)} instances, {counts}"
+
+
+def grid_of(n_azimuths: int, elevations_deg: str) -> ViewGrid:
+    """A grid from what stands on the command line.
+
+    Raises:
+        ConfigError: the elevations are not numbers from −90 to 90 in ascending order.
+    """
+    try:
+        degrees = [float(part) for part in elevations_deg.split(",")]
+    except ValueError:
+        degrees = []
+    ascending = all(a < b for a, b in pairwise(degrees))
+    if not degrees or not ascending or not all(-90 <= e <= 90 for e in degrees):
+        raise ConfigError(
+            f"--elevations {elevations_deg}: expected ascending degrees such as 10,30,50."
+        )
+    return ViewGrid(n_azimuths, tuple(float(np.deg2rad(e)) for e in degrees))
+
+
+def parse_symmetries(texts: Collection[str]) -> dict[str, Symmetry]:
+    """``NAME=full`` or ``NAME=4`` or ``NAME=none`` → how symmetric classes are.
+
+    Raises:
+        ConfigError: a text has another form.
+    """
+    result: dict[str, Symmetry] = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if name and value == "full":
+            result[name] = "full"
+        elif name and value == "none":
+            result[name] = "none"
+        elif name and value.isdecimal() and int(value) > 1:
+            result[name] = int(value)
+        else:
+            raise ConfigError(f"--symmetry {text}: expected NAME=full, NAME=none or NAME=4.")
+    return result
+
+
+def _with_symmetries(
+    models: list[ObjectModel], symmetries: Mapping[str, Symmetry]
+) -> list[ObjectModel]:
+    _check_names(symmetries, [model.name for model in models])
+    return [replace(m, symmetry=symmetries.get(m.name, m.symmetry)) for m in models]
+
+
+def _check_names(symmetries: Mapping[str, Symmetry], known: list[str]) -> None:
+    for name in symmetries:
+        if name not in known:
+            raise ConfigError(f"--symmetry {name}: no such class. There are: {', '.join(known)}.")
