@@ -188,6 +188,12 @@ def test_simulate_writes_where_it_says(
     assert calls == [(tmp_path / "data", 3)]
 
 
+def test_simulate_writes_rooms_without_objects(cli: Callable[..., Result], tmp_path: Path) -> None:
+    result = cli("simulate", tmp_path / "rooms", "--world", "rooms", "--frames", 4)
+    assert result.exit_code == 0, result.output
+    assert len(list((tmp_path / "rooms").glob("*.jpg"))) == 4
+
+
 def test_simulate_replaces_no_foreign_files(cli: Callable[..., Result], tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
     result = cli("simulate", tmp_path)
