@@ -18,7 +18,7 @@ from imodbatch.tables import from_columns, from_rows
 SCENE = make_scene()
 N_FRAMES, N_OBJECTS = SCENE.boxes_px.shape[:2]
 VIEWPOINT = ViewpointConfig(n_azimuths=GRID.n_azimuths, elevations_deg=(10.0, 30.0, 50.0))
-# the box's middle is the object's middle only if its surface is pushed back
+# voxels wide enough that all sightings of an object share one or two
 LIFT = LiftConfig(depth="window_median", voxel_size_m=0.4)
 
 
