@@ -6,13 +6,14 @@ costs its rays alone. The renderer draws `Mesh`es, which hold no names or symmet
 """
 
 import weakref
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.engines import raycast
+from imodbatch.engines import blender, raycast
 from imodbatch.engines.raycast import (
     NO_INSTANCE,
     BulbLight,
@@ -24,6 +25,7 @@ from imodbatch.engines.raycast import (
     RenderSettings,
     Sky,
     SunLight,
+    View,
 )
 from imodbatch.simulation.mesh import ObjectModel, TexturedMesh
 
@@ -39,10 +41,19 @@ __all__ = [
     "Renderer",
     "Sky",
     "SunLight",
+    "View",
+    "ViewRenderer",
     "make_renderer",
     "make_scene",
     "render_view",
+    "render_views",
 ]
+
+ViewRenderer = Literal["embree", "blender"]
+_VIEW_RENDERERS: dict[
+    ViewRenderer,
+    Callable[[raycast.Mesh, Sequence[View]], Iterator[NDArray[np.uint8]]],
+] = {"embree": raycast.render_views, "blender": blender.render_views}
 
 _MESHES: "weakref.WeakKeyDictionary[TexturedMesh, raycast.Mesh]" = weakref.WeakKeyDictionary()
 
@@ -96,6 +107,20 @@ def render_view(
         **how: roll, distance, focal length, lights, sky, settings (`raycast.render_view`).
     """
     return raycast.render_view(_mesh(model.mesh), azimuth_rad, elevation_rad, size_px, **how)
+
+
+def render_views(
+    model: ObjectModel, views: Sequence[View], renderer: ViewRenderer = "embree"
+) -> Iterator[NDArray[np.uint8]]:
+    """One object from many viewpoints: per view a (size, size, 4) uint8 RGBA.
+
+    All renderers mean the same by a view: the same pixels show the object. They differ in how
+    light falls.
+
+    Raises:
+        ConfigError: Blender is not there, or failed.
+    """
+    return _VIEW_RENDERERS[renderer](_mesh(model.mesh), views)
 
 
 def _mesh(mesh: TexturedMesh) -> raycast.Mesh:

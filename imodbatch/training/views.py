@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.viewpoint import FULL_TURN_RAD, ViewGrid
+from imodbatch.engines import blender
 from imodbatch.engines.raycast import viewpoint_transform
 from imodbatch.errors import ConfigError
 from imodbatch.simulation.mesh import ObjectModel, TexturedMesh
-from imodbatch.simulation.scene import render_view
+from imodbatch.simulation.scene import View, ViewRenderer, render_views
 from imodbatch.training.cutouts import Cutout, crop_to_object, write_cutouts
 from imodbatch.training.lighting import random_lights, random_settings
 
@@ -49,6 +50,7 @@ class ViewSettings:
         roll_rad: to either side.
         distance_m: nearest and farthest camera, measured from the middle of the object.
         seed: of all variation.
+        renderer: ``embree`` (fast) | ``blender`` (path traced, as in the paper).
     """
 
     grid: ViewGrid = PAPER_GRID
@@ -59,6 +61,7 @@ class ViewSettings:
     roll_rad: float = float(np.deg2rad(5))
     distance_m: tuple[float, float] = (0.5, 3.0)
     seed: int = 0
+    renderer: ViewRenderer = "embree"
 
     def __post_init__(self) -> None:
         if self.n_variants < 1:
@@ -126,16 +129,27 @@ def prepare_views(
 
 def render_cutouts(model: ObjectModel, settings: ViewSettings) -> Iterator[Cutout]:
     """Cutouts of one object in the order elevation, azimuth, variant."""
-    for e in range(settings.grid.n_elevations):
-        for a in range(settings.grid.n_azimuths):
-            for variant in range(settings.n_variants):
-                yield render_cutout(model, settings, e, a, variant)
+    views = [
+        plan_view(model, settings, e, a, variant)
+        for e in range(settings.grid.n_elevations)
+        for a in range(settings.grid.n_azimuths)
+        for variant in range(settings.n_variants)
+    ]
+    return _cutouts_of(model, views, settings.renderer)
 
 
 def render_cutout(
     model: ObjectModel, settings: ViewSettings, elevation_bin: int, azimuth_bin: int, variant: int
 ) -> Cutout:
     """One cutout; depends on its arguments alone."""
+    view = plan_view(model, settings, elevation_bin, azimuth_bin, variant)
+    return next(_cutouts_of(model, [view], settings.renderer))
+
+
+def plan_view(
+    model: ObjectModel, settings: ViewSettings, elevation_bin: int, azimuth_bin: int, variant: int
+) -> View:
+    """From where and in which light one picture is taken; the same for all renderers."""
     name = zlib.crc32(model.name.encode())
     rng = np.random.default_rng([settings.seed, name, elevation_bin, azimuth_bin, variant])
     grid = settings.grid
@@ -149,24 +163,17 @@ def render_cutout(
     near, far = np.log(settings.distance_m)
     distance_m = max(float(np.exp(rng.uniform(near, far))), 1.5 * _radius_m(model.mesh))
     lights, sky, exposure = random_lights(rng)
-    picture = render_view(
-        model,
-        azimuth,
-        elevation,
+    return View(
+        float(azimuth),
+        float(elevation),
         settings.size_px,
-        roll_rad=roll,
-        distance_m=distance_m,
-        focal_px=fitting_focal_px(
-            model.mesh, azimuth, elevation, distance_m, roll, settings.size_px
-        ),
-        lights=lights,
-        sky=sky,
-        settings=random_settings(exposure, rng),
+        distance_m,
+        fitting_focal_px(model.mesh, azimuth, elevation, distance_m, roll, settings.size_px),
+        roll,
+        lights,
+        sky,
+        random_settings(exposure, rng),
     )
-    cropped = crop_to_object(picture)
-    if cropped is None:
-        raise ConfigError(f"{model.name}: nothing of it is to be seen from azimuth {azimuth:.2f}.")
-    return Cutout(cropped, float(azimuth), float(elevation))
 
 
 def fitting_focal_px(
@@ -197,9 +204,26 @@ def view_digest(model: ObjectModel, settings: ViewSettings) -> str:
     for array in arrays:
         sha.update(b"-" if array is None else f"{array.shape}{array.dtype}".encode())
         sha.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
-    rest = [VERSION, asdict(settings), [asdict(s) for s in mesh.surfaces], model.name]
+    chosen = asdict(settings)
+    if settings.renderer == "embree":
+        del chosen["renderer"]  # keys from when there was no choice stay good
+    else:
+        chosen["renderer_version"] = blender.VERSION
+    rest = [VERSION, chosen, [asdict(s) for s in mesh.surfaces], model.name]
     sha.update(json.dumps([*rest, model.symmetry], sort_keys=True).encode())
     return sha.hexdigest()[:16]
+
+
+def _cutouts_of(
+    model: ObjectModel, views: Sequence[View], renderer: ViewRenderer
+) -> Iterator[Cutout]:
+    for view, picture in zip(views, render_views(model, views, renderer), strict=True):
+        cropped = crop_to_object(picture)
+        if cropped is None:
+            raise ConfigError(
+                f"{model.name}: nothing of it is to be seen from azimuth {view.azimuth_rad:.2f}."
+            )
+        yield Cutout(cropped, view.azimuth_rad, view.elevation_rad)
 
 
 def _render_to(stem: Path, model: ObjectModel, settings: ViewSettings) -> None:

@@ -6,7 +6,7 @@ user needs is in `interface` (what is given and returned), `Renderer` and `rende
 
     interface   meshes, instances, lights, sky, settings → frames; no renderer's own types
     renderer    `Renderer`: a scene's frames
-    views       `render_view`: one object from a viewpoint, cut out
+    views       `render_view`, `render_views`: one object from viewpoints, cut out
     tracing     cast, find where light falls, shade, smooth the edges
     geometry    rays against triangles; the only file that knows open3d
     surfaces    what a ray meets: normals, texture coordinates, materials
@@ -32,9 +32,10 @@ from imodbatch.engines.raycast.interface import (
     Scene,
     Sky,
     SunLight,
+    View,
 )
 from imodbatch.engines.raycast.renderer import Renderer
-from imodbatch.engines.raycast.views import render_view, viewpoint_transform
+from imodbatch.engines.raycast.views import render_view, render_views, viewpoint_transform
 
 __all__ = [
     "NO_INSTANCE",
@@ -50,6 +51,8 @@ __all__ = [
     "Scene",
     "Sky",
     "SunLight",
+    "View",
     "render_view",
+    "render_views",
     "viewpoint_transform",
 ]

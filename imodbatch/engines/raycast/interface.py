@@ -158,6 +158,36 @@ class RenderSettings:
 
 
 @dataclass(frozen=True)
+class View:
+    """One picture of one object: from where, how large, and in which light.
+
+    The camera looks at the middle of the object's bounding box, which appears in the middle of the
+    picture.
+
+    Attributes:
+        azimuth_rad: of the camera about the object's +z, from its +x towards its +y.
+        elevation_rad: of the camera above the object's horizon.
+        size_px: width and height.
+        distance_m: of the camera from the middle of the bounding box.
+        focal_px: focal length.
+        roll_rad: turns the picture counter-clockwise.
+        lights: in the object's frame.
+        sky: light from everywhere; not seen itself.
+        settings: exposure and seed are every renderer's; what it costs, the ray caster's.
+    """
+
+    azimuth_rad: float
+    elevation_rad: float
+    size_px: int
+    distance_m: float
+    focal_px: float
+    roll_rad: float = 0.0
+    lights: tuple[SunLight, ...] = ()
+    sky: Sky = Sky()
+    settings: RenderSettings = RenderSettings()
+
+
+@dataclass(frozen=True)
 class InstanceView:
     """How an instance appears in a frame.
 
