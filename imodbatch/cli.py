@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from imodbatch import __version__
+from imodbatch.cli_compare import compare
 from imodbatch.cli_data import DATA_COMMANDS
 from imodbatch.errors import ImodError
 
@@ -160,19 +161,15 @@ def _plan(
     from imodbatch.config import load_pipeline
     from imodbatch.errors import ConfigError
     from imodbatch.manifest import load_manifest
-    from imodbatch.runner import Plan
+    from imodbatch.runner import Plan, default_run_dir
     from imodbatch.wiring import Context
 
     checked = load_manifest(manifest)
     context = Context(checked, load_pipeline(pipeline, settings))
-    run_dir = (out or Path("runs") / f"{checked.name}--{_pipeline_name(pipeline)}").absolute()
+    run_dir = (out or default_run_dir(checked.name, pipeline)).absolute()
     if run_dir.exists() and not run_dir.is_dir():
         raise ConfigError(f"{run_dir}: is a file, expected a folder. Name another --out.")
     return Plan(context, run_dir, checked.sequences).choose(sequences)
-
-
-def _pipeline_name(pipeline: Path | None) -> str:
-    return "default" if pipeline is None else pipeline.stem
 
 
 def _warn_of_stale_inputs(plan: "Plan", stage: str) -> None:
@@ -203,8 +200,9 @@ def _print_outcome(outcome: "Outcome") -> bool:
 
 def _write_report(plan: "Plan", pipeline: Path | None) -> None:
     from imodbatch.publishing import write_report
+    from imodbatch.runner import pipeline_name
 
-    click.echo(f"report: {write_report(plan, _pipeline_name(pipeline))}")
+    click.echo(f"report: {write_report(plan, pipeline_name(pipeline))}")
 
 
 for _stage in STAGE_HELP:
@@ -260,7 +258,7 @@ def schema(table: str | None) -> None:
             click.echo(f"  {name:20} {str(column.dtype) + nullable:16} {column.meaning}")
 
 
-for _command in DATA_COMMANDS:
+for _command in (compare, *DATA_COMMANDS):
     main.add_command(_command)
 
 

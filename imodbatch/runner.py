@@ -75,6 +75,16 @@ class Outcome:
     warnings: tuple[str, ...] = ()
 
 
+def pipeline_name(pipeline: Path | None) -> str:
+    """What a pipeline is called: its file's name, or that of all defaults."""
+    return "default" if pipeline is None else pipeline.stem
+
+
+def default_run_dir(manifest_name: str, pipeline: Path | None) -> Path:
+    """Where a run's tables go if nobody says, relative to the working directory."""
+    return Path("runs") / f"{manifest_name}--{pipeline_name(pipeline)}"
+
+
 def run_stage(
     plan: Plan, stage: str, *, overwrite: bool = False, executor: Executor | None = None
 ) -> Iterator[Outcome]:

@@ -118,7 +118,20 @@ ANNOTATIONS = TableSpec(
         Column("is_ignored", BOOL, "counts neither as found nor as missed (difficult, cut off)"),
         Column("is_crowd", BOOL, "one box around several objects; ignored too"),
         Column("instance_id", STRING, "the physical object", nullable=True),
+        Column(
+            "own_azimuth_rad",
+            F32,
+            "azimuth of the camera in the object's own frame, about its +z, [0, 2π)",
+            nullable=True,
+        ),
+        Column(
+            "symmetry",
+            STRING,
+            "of the class about +z: none, full, or how often it looks the same in a turn",
+            nullable=True,
+        ),
     ),
+    version=2,
 )
 POSES = TableSpec(
     "poses",

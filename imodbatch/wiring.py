@@ -27,6 +27,7 @@ from imodbatch.images import UnreadableImageError, read_color, read_depth
 from imodbatch.manifest import Manifest, SequenceSection
 from imodbatch.stages import detect, fuse, index, lift, limits, poses, score
 from imodbatch.stages.base import Progress, StageResult
+from imodbatch.weights import find_weights
 
 Tables = dict[str, pa.Table]
 
@@ -177,9 +178,10 @@ def _weights(context: Context) -> Path:
     if weights is None:
         raise ConfigError(
             f"manifest {context.manifest.name}: no detector. Set detect.weights in the pipeline to "
-            "a checkpoint (.safetensors with its .json card), or give [detections] in the manifest."
+            "a shipped detector's name or a checkpoint (.safetensors with its .json card), or give "
+            "[detections] in the manifest."
         )
-    return Path(weights).expanduser()
+    return find_weights(weights)
 
 
 @lru_cache(maxsize=1)

@@ -67,6 +67,27 @@ def view_angles(xyz_world: ArrayLike, camera_world: ArrayLike) -> tuple[Array, A
     return azimuth, elevation
 
 
+def azimuth_bins_apart(
+    predicted_bin: ArrayLike, azimuth_rad: ArrayLike, n_azimuths: int, n_fold: int = 1
+) -> NDArray[np.int64]:
+    """How many bins a predicted azimuth lies from the true one, the shorter way round.
+
+    Args:
+        predicted_bin: (...,) azimuth bins.
+        azimuth_rad: (...,) true azimuths in radians.
+        n_azimuths: N.
+        n_fold: how often the object looks the same in a turn; the nearest equal view counts.
+
+    Returns:
+        (...,) integers from 0 to N // 2.
+    """
+    turns = np.arange(n_fold) * (FULL_TURN_RAD / n_fold)
+    equal_views = np.asarray(azimuth_rad, dtype=np.float64)[..., None] + turns
+    true_bins = ViewGrid(n_azimuths, (0.0,)).azimuth_bins(equal_views)
+    forth = (np.asarray(predicted_bin)[..., None] - true_bins) % n_azimuths
+    return np.minimum(forth, n_azimuths - forth).min(axis=-1)
+
+
 def yaw_from_pose_bin(pose_bin: ArrayLike, n_azimuths: int) -> Array:
     """Object yaw in the world, [0, 2π) radians, of a pose hypothesis d.
 

@@ -3,4 +3,7 @@
 `stages/report.py` puts them together. `results` answers questions to the metrics and matches;
 `grids` turn answers into tables for page and Markdown; `figures` are SVG, `pictures` are JPEG;
 `paper` holds the published figures; `templates/report.html.j2` is the page.
+
+Several runs side by side: `run_folder` reads a finished run, `comparison` puts runs together,
+`table_1` and `azimuths` turn them into tables.
 """

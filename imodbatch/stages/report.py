@@ -6,7 +6,6 @@ are those of the metrics table.
 """
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from imodbatch.config import ReportConfig
+from imodbatch.reporting.files import write_whole
 from imodbatch.reporting.gallery import ReadColor, gallery
 from imodbatch.reporting.grids import Grid
 from imodbatch.reporting.losses import losses_grid, status_counts, status_csv, status_grid
@@ -90,13 +90,13 @@ def run(
         "dictionary": _dictionary(complete),
     }
     out_dir.mkdir(parents=True, exist_ok=True)
-    _write(out_dir / "ap.md", _markdown(aps, _ap_remark(results, run_info, paper)))
-    _write(out_dir / "ap.csv", ap_csv(results, run_info.classes))
+    write_whole(out_dir / "ap.md", _markdown(aps, _ap_remark(results, run_info, paper)))
+    write_whole(out_dir / "ap.csv", ap_csv(results, run_info.classes))
     remark = context["threshold_remark"]
-    _write(out_dir / "precision_recall.md", _markdown(at_threshold, remark))
-    _write(out_dir / "precision_recall.csv", precision_recall_csv(results, run_info.classes))
-    _write(out_dir / "status_counts.csv", status_csv(counts))
-    _write(out_dir / PAGE, _page({**context, "info": run_info}))
+    write_whole(out_dir / "precision_recall.md", _markdown(at_threshold, remark))
+    write_whole(out_dir / "precision_recall.csv", precision_recall_csv(results, run_info.classes))
+    write_whole(out_dir / "status_counts.csv", status_csv(counts))
+    write_whole(out_dir / PAGE, _page({**context, "info": run_info}))
     return out_dir / PAGE
 
 
@@ -314,13 +314,3 @@ def _page(context: dict[str, Any]) -> str:
 def _setting(value: object) -> str:
     """A setting as its TOML file would have it, as near as JSON comes."""
     return json.dumps(value, ensure_ascii=False, default=str)
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file so that a reader finds the old one or the new one, never a part."""
-    partial = path.with_name(f".{path.name}.partial")
-    with partial.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(path)

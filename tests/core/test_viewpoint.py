@@ -5,7 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from imodbatch.core.viewpoint import ViewGrid, view_angles, yaw_from_pose_bin
+from imodbatch.core.viewpoint import (
+    ViewGrid,
+    azimuth_bins_apart,
+    view_angles,
+    yaw_from_pose_bin,
+)
 from imodbatch.core.voxels import group_labels, voxel_indices
 
 ELEVATIONS = tuple(np.radians([10.0, 30.0, 50.0]).tolist())
@@ -152,3 +157,18 @@ def test_group_labels_number_the_distinct_voxels():
     assert group_labels(frozen(np.zeros((0, 3)), np.int64)).shape == (0,)
     # any other column that tells places apart will do, e.g. (V, 1) instances
     np.testing.assert_array_equal(group_labels(frozen([[7], [3], [7]], np.int64)), [1, 0, 1])
+
+
+def test_bins_apart_go_the_shorter_way_round():
+    """16 bins of 22.5 degrees."""
+    true = np.deg2rad([0.0, 0.0, 0.0, 350.0, 90.0, 11.0, 11.5])
+    predicted = np.array([0, 15, 8, 1, 4, 0, 0])
+    assert azimuth_bins_apart(predicted, true, 16).tolist() == [0, 1, 8, 1, 0, 0, 1]
+
+
+def test_bins_apart_of_a_symmetric_object_count_from_its_nearest_equal_view():
+    predicted, true = np.arange(8), np.zeros(8)
+    assert azimuth_bins_apart(predicted, true, 8, 2).tolist() == [0, 1, 2, 1, 0, 1, 2, 1]
+    assert azimuth_bins_apart(predicted, true, 8, 4).tolist() == [0, 1, 0, 1, 0, 1, 0, 1]
+    # thirds of a turn lie at bins 0, 2.67 and 5.33 of 8
+    assert azimuth_bins_apart(predicted, true, 8, 3).tolist() == [0, 1, 1, 0, 1, 0, 1, 1]

@@ -1,6 +1,7 @@
 """True boxes: every format in its layout, its box convention, and every way a file can be wrong."""
 
 import json
+import math
 import os
 from collections import Counter
 from pathlib import Path
@@ -131,6 +132,8 @@ def test_the_same_box_reads_the_same_from_every_format(tmp_path, form):
         "is_ignored": False,
         "is_crowd": False,
         "instance_id": None,
+        "own_azimuth_rad": None,
+        "symmetry": None,
     }
     assert reading.left_out == Counter()
 
@@ -244,6 +247,36 @@ def test_coco_flags_instances_and_order(tmp_path):
         (2, 0, False, False, "mug_white"),
     ]
     assert [rows[1][name] for name in BOX] == [0, 0, 5.5, 6.25]
+
+
+def test_coco_azimuth_and_symmetry_where_they_are_given(tmp_path):
+    document = coco_document(
+        [coco_annotation(0, 1, azimuth_deg=-90.0), coco_annotation(2, 1, azimuth_deg=None)]
+    )
+    document["categories"][0]["symmetry"] = 4
+    write(tmp_path / "labels.json", json.dumps(document))
+    rows = read(manifest(tmp_path, format="coco", path="labels.json")).rows
+    assert rows[0]["own_azimuth_rad"] == pytest.approx(1.5 * math.pi)
+    assert rows[1]["own_azimuth_rad"] is None
+    assert [row["symmetry"] for row in rows] == ["4", "4"]
+
+
+@pytest.mark.parametrize(
+    ("entry", "category", "named"),
+    [
+        ({"azimuth_deg": "north"}, {}, "azimuth_deg"),
+        ({"azimuth_deg": float("nan")}, {}, "azimuth_deg"),
+        ({}, {"symmetry": 0}, "symmetry"),
+        ({}, {"symmetry": True}, "symmetry"),
+        ({}, {"symmetry": "round"}, "symmetry"),
+    ],
+)
+def test_coco_azimuth_and_symmetry_that_cannot_be_meant(tmp_path, entry, category, named):
+    document = coco_document([coco_annotation(0, 1, **entry)])
+    document["categories"][0] |= category
+    write(tmp_path / "labels.json", json.dumps(document))
+    with pytest.raises(DataError, match=f'labels.json: .*"{named}" is '):
+        read(manifest(tmp_path, format="coco", path="labels.json"))
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,8 @@ class Entry:
         is_ignored: counts neither as found nor as missed.
         is_crowd: one box around several objects; is ignored too.
         instance_id: the physical object, None = unknown.
+        own_azimuth_rad: azimuth of the camera in the object's own frame, None = unknown.
+        symmetry: of the class: ``none``, ``full`` or a number of turns; None = unknown.
     """
 
     where: str
@@ -38,6 +40,8 @@ class Entry:
     is_ignored: bool = False
     is_crowd: bool = False
     instance_id: str | None = None
+    own_azimuth_rad: float | None = None
+    symmetry: str | None = None
 
 
 def to_reading(
@@ -75,6 +79,8 @@ def to_reading(
                 "is_ignored": entry.is_ignored or entry.is_crowd,
                 "is_crowd": entry.is_crowd,
                 "instance_id": entry.instance_id,
+                "own_azimuth_rad": entry.own_azimuth_rad,
+                "symmetry": entry.symmetry,
             }
         )
     return Reading([row for index in sorted(rows) for row in rows[index]], left_out)

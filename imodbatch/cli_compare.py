@@ -1,0 +1,85 @@
+"""The command that sets finished runs side by side. Heavy libraries load inside."""
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.argument(
+    "sources",
+    nargs=-1,
+    required=True,
+    metavar="[MANIFEST] RUN...",
+    type=click.Path(path_type=Path),
+)
+@click.option(
+    "--resamples",
+    type=click.IntRange(min=1),
+    default=1000,
+    show_default=True,
+    help="Of the sequences, for the intervals.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Write Markdown and CSV there, too.",
+)
+def compare(sources: tuple[Path, ...], resamples: int, out: Path | None) -> None:
+    """Finished runs of the same data → the paper's Table 1 with intervals, and azimuth accuracy.
+
+    \b
+    Example:
+      imodbatch compare manifests/house_test.toml pipelines/robot17_noview.toml pipelines/robot17_3x16.toml
+
+    A RUN is a run folder, or, after a MANIFEST, a pipeline file.
+    """  # noqa: D301, E501 (click wants the character, and an example its line)
+    from imodbatch.comparing import compare_folders
+
+    document = compare_folders(_run_folders(sources), resamples)
+    click.echo(document.text(), nl=False)
+    if out is not None:
+        document.write(out)
+        click.echo(f"\ncompare: {out / 'compare.md'}")
+
+
+def _run_folders(sources: tuple[Path, ...]) -> list[Path]:
+    """The run folders meant: as named, or where `run` puts those of a manifest and a pipeline."""
+    from imodbatch.config import load_pipeline
+    from imodbatch.errors import ConfigError
+    from imodbatch.manifest import load_manifest
+    from imodbatch.runner import Plan, default_run_dir, stale_inputs
+    from imodbatch.wiring import Context
+
+    if sources[0].is_dir():
+        files = [source for source in sources if not source.is_dir()]
+        if files:
+            raise ConfigError(
+                f"{files[0]}: no run folder. Name a manifest first to name runs by pipeline files."
+            )
+        return list(sources)
+    manifest = load_manifest(sources[0])
+    folders = []
+    for source in sources[1:]:
+        if source.is_dir():
+            folders.append(source)
+            continue
+        context = Context(manifest, load_pipeline(source))
+        folder = default_run_dir(manifest.name, source)
+        if not folder.is_dir():
+            raise ConfigError(
+                f"{folder}: no such run. Make it with `imodbatch run {sources[0]} "
+                f"--pipeline {source}`."
+            )
+        stale = stale_inputs(Plan(context, folder, manifest.sequences), "report")
+        if stale:
+            click.echo(
+                f"imodbatch: warning: {folder}: {', '.join(stale)} no longer fit the settings or "
+                "files; `imodbatch run` brings all up to date.",
+                err=True,
+            )
+        folders.append(folder)
+    if not folders:
+        raise ConfigError(f"{sources[0]}: names no run. Add pipeline files or run folders.")
+    return folders

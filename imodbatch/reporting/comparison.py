@@ -1,0 +1,170 @@
+"""Several runs of the same data side by side, in the layout of the paper's Table 1.
+
+A run of a detector that tells viewpoints apart gives the columns "w/ view", "Naive" and "Ours" of
+its grid; a run of one that does not gives "w/o view", the same for every grid.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from imodbatch.core.matching import Outcome
+from imodbatch.core.precision import rank
+from imodbatch.core.resampling import RankedBoxes, pooled_ap
+from imodbatch.core.scoring import mean_over_classes
+from imodbatch.errors import ConfigError
+from imodbatch.reporting.results import Results
+from imodbatch.reporting.run_folder import FinishedRun
+
+WITHOUT_VIEW, WITH_VIEW, NAIVE, OURS = "w/o view", "w/ view", "Naive", "Ours"
+OURS_OFFLINE = "Ours, all frames"
+METHODS = {WITH_VIEW: "single", NAIVE: "naive", OURS: "imod", OURS_OFFLINE: "imod_offline"}
+"""Column of Table 1 → method of a run, of a detector that tells viewpoints apart."""
+DIFFERENCES = ((OURS, WITH_VIEW), (OURS, NAIVE), (WITH_VIEW, WITHOUT_VIEW))
+
+
+@dataclass(frozen=True, eq=False)
+class MethodColumn:
+    """One column of figures.
+
+    Attributes:
+        group: which detector grid.
+        name: as the paper names it.
+        boxes: the ranked boxes of each class.
+        aps: (K,) 11-point AP of each class, NaN without annotations.
+    """
+
+    group: str
+    name: str
+    boxes: tuple[RankedBoxes, ...]
+    aps: NDArray[np.float64]
+
+    @property
+    def mean(self) -> float:
+        """Mean AP over the classes that have one."""
+        return mean_over_classes(self.aps)
+
+    def n_false_positives(self, class_id: int) -> int:
+        """False positives of a class at any score."""
+        return int((~self.boxes[class_id].is_hit).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Runs that were scored against the same annotations.
+
+    Attributes:
+        groups: a name for each detector grid, with its run; more azimuths first.
+        without_view: the run of a detector without viewpoints, None = not among them.
+    """
+
+    groups: dict[str, FinishedRun]
+    without_view: FinishedRun | None
+
+    @property
+    def any_run(self) -> FinishedRun:
+        """One of them, for what all share: classes, sequences, annotations."""
+        return next(iter(self.groups.values()))
+
+    @cached_property
+    def n_annotations(self) -> NDArray[np.int64]:
+        """(K, S) annotations that count, per class and sequence."""
+        run = self.any_run
+        table = run.results.tables["annotations"]
+        table = table.filter(pc.invert(pc.or_(table["is_ignored"], table["is_crowd"])))
+        counts = np.zeros((len(run.classes), len(run.sequence_ids)), dtype=np.int64)
+        ids = zip(table["class_id"].to_pylist(), table["sequence_id"].to_pylist(), strict=True)
+        for class_id, sequence_id in ids:
+            counts[class_id, run.sequence_ids.index(sequence_id)] += 1
+        return counts
+
+    @cached_property
+    def columns(self) -> tuple[MethodColumn, ...]:
+        """Every column of figures, group by group in the paper's order."""
+        found = []
+        for group, run in self.groups.items():
+            if self.without_view is not None:
+                single = METHODS[WITH_VIEW]
+                found.append(self._column(group, WITHOUT_VIEW, self.without_view, single))
+            found += [
+                self._column(group, name, run, method)
+                for name, method in METHODS.items()
+                if method in run.results.methods
+            ]
+        return tuple(found)
+
+    def _column(self, group: str, name: str, run: FinishedRun, method: str) -> MethodColumn:
+        boxes = ranked_boxes(run.results, method, len(run.classes))
+        once = np.ones(len(run.sequence_ids), dtype=np.int64)
+        pairs = zip(boxes, self.n_annotations, strict=True)
+        aps = np.array([pooled_ap(ranked, n, once) for ranked, n in pairs])
+        return MethodColumn(group, name, boxes, aps)
+
+
+def compare_runs(runs: Sequence[FinishedRun]) -> Comparison:
+    """Put runs side by side.
+
+    Raises:
+        ConfigError: they were scored against other annotations or at another IoU, none tells
+            viewpoints apart, or several do not.
+    """
+    for run in runs[1:]:
+        _require_same_truth(runs[0], run)
+    without = [run for run in runs if not run.grid.has_viewpoints]
+    aware = sorted((r for r in runs if r.grid.has_viewpoints), key=lambda r: -r.grid.n_azimuths)
+    if not aware:
+        raise ConfigError(
+            f"{runs[0].folder}: its detector tells no viewpoints apart. Name a run of one that "
+            "does beside it."
+        )
+    if len(without) > 1:
+        raise ConfigError(
+            f"{without[0].folder} and {without[1].folder} are both of detectors without "
+            "viewpoints. Name one of them."
+        )
+    grids = [str(run.grid) for run in aware]
+    groups = {
+        grid if grids.count(grid) == 1 else f"{grid} {run.folder.name}": run
+        for grid, run in zip(grids, aware, strict=True)
+    }
+    if len(groups) < len(aware):
+        raise ConfigError(f"{aware[0].folder}: several runs have this name. Name each once.")
+    return Comparison(groups, without[0] if without else None)
+
+
+def ranked_boxes(results: Results, method: str, n_classes: int) -> tuple[RankedBoxes, ...]:
+    """The boxes of each class under a method, ranked as the metrics rank them."""
+    matches = results.matches(method)
+    matches = matches.take(matches.outcome != Outcome.IGNORED)
+    order = rank(matches.score, matches.sequence, matches.frame, matches.detection)
+    matches = matches.take(order)
+    is_hit = matches.outcome == Outcome.TRUE_POSITIVE
+    of_class = (matches.class_id == k for k in range(n_classes))
+    return tuple(RankedBoxes(is_hit[rows], matches.sequence[rows]) for rows in of_class)
+
+
+def _require_same_truth(first: FinishedRun, other: FinishedRun) -> None:
+    """Refuse to set figures of different data beside each other."""
+    differs = [
+        name
+        for name, is_equal in (
+            ("classes", first.classes == other.classes),
+            ("sequences", first.sequence_ids == other.sequence_ids),
+            ("annotations", _truth_of(first) == _truth_of(other)),
+            ("score.iou_percents", first.results.main_iou == other.results.main_iou),
+        )
+        if not is_equal
+    ]
+    if differs:
+        raise ConfigError(
+            f"{first.folder} and {other.folder} differ in {differs[0]}. Compare runs of one "
+            "manifest, and bring both up to date with `imodbatch run`."
+        )
+
+
+def _truth_of(run: FinishedRun) -> object:
+    return run.results.tables["annotations"]

@@ -1,0 +1,108 @@
+"""A finished run, read from its folder alone: its tables say what they were made with."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from imodbatch.errors import TableError
+from imodbatch.reporting.results import Results
+from imodbatch.schemas import TABLES
+from imodbatch.tables import TableInfo, read_info, read_table, table_path
+
+CURE = "Bring it up to date with `imodbatch run`."
+
+
+@dataclass(frozen=True)
+class DetectorGrid:
+    """M elevations × N azimuths that a detector tells apart; 1 × 1 = it knows no viewpoints."""
+
+    n_elevations: int
+    n_azimuths: int
+
+    @property
+    def has_viewpoints(self) -> bool:
+        """Whether there is more than one."""
+        return self.n_elevations * self.n_azimuths > 1
+
+    def __str__(self) -> str:
+        return f"{self.n_elevations}×{self.n_azimuths}"
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedRun:
+    """A run whose boxes were matched.
+
+    Attributes:
+        folder: where its tables lie.
+        classes: names by class id.
+        grid: of the detector, not of the geometry.
+        results: its annotations, matches and metrics, with the sequences they hold.
+    """
+
+    folder: Path
+    classes: tuple[str, ...]
+    grid: DetectorGrid
+    results: Results
+
+    @property
+    def sequence_ids(self) -> tuple[str, ...]:
+        """Sorted."""
+        return self.results.sequence_ids
+
+    def detections(self, sequence_id: str) -> pa.Table:
+        """The detections of a sequence, with their whole score vectors."""
+        return read_table(table_path(self.folder, "detections", sequence_id), TABLES["detections"])
+
+
+def open_run(folder: Path) -> FinishedRun:
+    """Read a run folder.
+
+    Raises:
+        TableError: there is none, a table is missing or damaged, or the metrics are not of the
+            matches that lie there.
+    """
+    if not folder.is_dir():
+        raise TableError(f"{folder}: no such run folder. Make it with `imodbatch run`.")
+    metrics = _info(folder, "metrics")
+    matched: dict[str, str] = metrics.provenance["inputs"]["matches"]
+    for sequence_id, identity in matched.items():
+        if _info(folder, "matches", sequence_id).digest != identity:
+            raise TableError(
+                f"{folder}: its metrics are of other matches than those of {sequence_id}. {CURE}"
+            )
+    sequence_ids = tuple(sorted(matched))
+    tables = {
+        name: pa.concat_tables(_read(folder, name, sequence_id) for sequence_id in sequence_ids)
+        for name in ("annotations", "matches")
+    }
+    tables["metrics"] = _read(folder, "metrics")
+    classes = tuple(metrics.provenance["settings"]["@classes"])
+    grid = _grid(folder, sequence_ids, len(classes))
+    return FinishedRun(folder, classes, grid, Results(tables, sequence_ids))
+
+
+def _grid(folder: Path, sequence_ids: tuple[str, ...], n_classes: int) -> DetectorGrid:
+    """The pipeline's grid where the score vectors fill it, else 1 × 1."""
+    settings: dict[str, Any] = _info(folder, "detections", sequence_ids[0]).provenance["settings"]
+    viewpoint = settings["viewpoint"]
+    grid = DetectorGrid(len(viewpoint["elevations_deg"]), viewpoint["n_azimuths"])
+    for sequence_id in sequence_ids:
+        vectors = _read(folder, "detections", sequence_id)["view_scores"]
+        if len(vectors):
+            n_scores = len(vectors[0]) // n_classes
+            return grid if n_scores > 1 else DetectorGrid(1, 1)
+    raise TableError(f"{folder}: there are no detections to compare. Lower detect.score_threshold.")
+
+
+def _info(folder: Path, table: str, *sequence_id: str) -> TableInfo:
+    path = table_path(folder, table, *sequence_id)
+    info = read_info(path)
+    if info is None:
+        raise TableError(f"{path}: no such table, or a damaged one. {CURE}")
+    return info
+
+
+def _read(folder: Path, table: str, *sequence_id: str) -> pa.Table:
+    return read_table(table_path(folder, table, *sequence_id), TABLES[table])

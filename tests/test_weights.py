@@ -1,0 +1,119 @@
+"""Weights by name: what a name finds, what a path means, and how a mistake is told."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+
+from imodbatch import runner, weights
+from imodbatch.config import load_pipeline
+from imodbatch.errors import ConfigError
+from imodbatch.manifest import load_manifest
+from imodbatch.runner import Plan
+from imodbatch.weights import find_weights, shipped_names
+from imodbatch.wiring import STEPS, Context
+
+REPOSITORY = Path(__file__).parents[1]
+NAMES = ("robot17_3x16", "robot17_3x8", "robot17_noview")
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of three detectors in place of the package's own."""
+    folder = tmp_path / "shipped"
+    folder.mkdir()
+    for name in NAMES:
+        (folder / f"{name}.safetensors").write_bytes(b"weights of " + name.encode())
+        (folder / f"{name}.json").write_text("{}", encoding="utf-8")
+    monkeypatch.setattr(weights, "FOLDER", folder)
+    return folder
+
+
+def test_the_shipped_weights_lie_in_the_package() -> None:
+    assert (weights.FOLDER / "__init__.py").is_file()
+
+
+def test_every_shipped_detector_has_its_card() -> None:
+    for name in shipped_names():
+        assert (weights.FOLDER / f"{name}.json").is_file()
+
+
+def test_a_name_is_found_in_the_package(shipped: Path) -> None:
+    assert shipped_names() == sorted(NAMES)
+    assert find_weights("robot17_3x8") == shipped / "robot17_3x8.safetensors"
+
+
+@pytest.mark.parametrize(
+    "path", ["own.safetensors", "./own", "runs/own.safetensors", "/a/b", "v.1"]
+)
+def test_a_path_stays_as_it_is(shipped: Path, path: str) -> None:
+    del shipped
+    assert find_weights(path) == Path(path)
+
+
+def test_a_tilde_is_the_home_folder(shipped: Path) -> None:
+    del shipped
+    assert find_weights("~/own.safetensors") == Path.home() / "own.safetensors"
+
+
+def test_an_unknown_name_is_told_in_one_line(shipped: Path) -> None:
+    del shipped
+    with pytest.raises(ConfigError) as caught:
+        find_weights("robot17_3x12")
+    assert str(caught.value) == (
+        "detect.weights: 'robot17_3x12' is no shipped detector. Did you mean 'robot17_3x16'? "
+        "Known: robot17_3x16, robot17_3x8, robot17_noview. "
+        "A checkpoint of your own is a path: robot17_3x12.safetensors."
+    )
+    with pytest.raises(ConfigError, match=r"detector\. Known: robot17_3x16, robot17_3x8, "):
+        find_weights("yolo")
+
+
+def test_a_name_without_any_shipped_detector(shipped: Path) -> None:
+    for path in shipped.iterdir():
+        path.unlink()
+    with pytest.raises(ConfigError, match=r"no shipped detector\. None is shipped\."):
+        find_weights("robot17_3x16")
+
+
+def test_the_command_line_tells_it_without_a_traceback(
+    shipped: Path,
+    cli: Callable[..., Result],
+    analytic_data: Path,
+    analytic_manifest: Callable[..., str],
+    tmp_path: Path,
+) -> None:
+    del shipped
+    manifest = tmp_path / "small.toml"
+    manifest.write_text(analytic_manifest(analytic_data, "walk_1"))
+    settings = ("--set", "detect.weights=robot17_3x6", "--out", tmp_path / "run")
+    result = cli("run", manifest, *settings)
+    assert result.exit_code == 1
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("imodbatch: error: detect.weights: 'robot17_3x6' is no shipped")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_pipelines_of_table_1_name_their_detector(shipped: Path, name: str) -> None:
+    pipeline = load_pipeline(REPOSITORY / f"pipelines/{name}.toml")
+    assert pipeline.detect.weights == name
+    assert find_weights(name).parent == shipped
+    assert pipeline.viewpoint.n_azimuths == (8 if name == "robot17_3x8" else 16)
+    assert pipeline.viewpoint.elevations_deg == (10.0, 30.0, 50.0)
+    assert pipeline.report.paper == "table1"
+
+
+def test_other_weights_of_the_same_name_are_another_provenance(
+    shipped: Path, analytic_data: Path, analytic_manifest: Callable[..., str], tmp_path: Path
+) -> None:
+    (tmp_path / "small.toml").write_text(analytic_manifest(analytic_data, "walk_1"))
+    manifest = load_manifest(tmp_path / "small.toml")
+    pipeline = load_pipeline(None, ["detect.weights=robot17_3x16"])
+    plan = Plan(Context(manifest, pipeline), tmp_path / "run", manifest.sequences)
+    list(runner.run_stage(plan, "index"))
+    step = next(step for step in STEPS if step.stage == "detect")
+    before = runner._provenance(plan, step, plan.sequences)
+    assert runner._provenance(plan, step, plan.sequences) == before
+    (shipped / "robot17_3x16.safetensors").write_bytes(b"weights of a longer training")
+    assert runner._provenance(plan, step, plan.sequences) != before
