@@ -6,7 +6,7 @@ Heavy libraries load inside the commands.
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -30,9 +30,8 @@ def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
 @click.option(
     "--world",
     type=click.Choice(["analytic", "house", "rooms"]),
-    default="analytic",
-    show_default=True,
-    help="analytic: with simulated detections; house: for a real detector; rooms: backgrounds.",
+    help="analytic (default): with simulated detections; house (default with --models): for a real "
+    "detector; rooms: backgrounds.",
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Other seed, other data.")
 @click.option(
@@ -52,23 +51,34 @@ def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
     metavar="DIR",
     help="Your own objects in place of the seventeen (house).",
 )
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Houses at a time, in processes (house, rooms).",
+)
 def simulate(
     folder: Path,
-    world: str,
+    world: str | None,
     seed: int,
     split: str,
     worlds: int | None,
     frames: int | None,
     models: Path | None,
+    workers: int,
 ) -> None:
-    """Seed → a dataset folder with colour, depth, poses and true boxes.
+    """Seed → a dataset folder with colour, depth, poses, true boxes and a manifest.
 
     \b
     Example:
       imodbatch simulate data/house_test --world house --split test
     """  # noqa: D301 (click wants the character, not a backslash)
+    world = world or ("analytic" if models is None else "house")
     if models is not None and world != "house":
-        raise click.UsageError("--models needs --world house.")
+        raise click.UsageError(f"--models needs --world house; --world {world} takes no models.")
+    if workers > 1 and world == "analytic":
+        raise click.UsageError("--workers needs --world house or rooms; analytic takes seconds.")
     sizes: dict[str, Any] = {"n_frames": frames} if frames is not None else {}
     with _bar("simulate") as advance:
         if world == "house":
@@ -78,18 +88,25 @@ def simulate(
             own = None if models is None else load_models(models)
             if worlds is not None:
                 sizes["n_worlds"] = worlds
-            write_house_dataset(folder, split, seed, models=own, progress=advance, **sizes)
+            write_house_dataset(
+                folder, split, seed, models=own, progress=advance, n_processes=workers, **sizes
+            )
         elif world == "rooms":
             from imodbatch.simulation.houses import write_backgrounds
 
-            write_backgrounds(folder, split, frames or 300, seed, advance)
+            if frames is not None:
+                sizes = {"n": frames}
+            write_backgrounds(
+                folder, split, seed=seed, progress=advance, n_processes=workers, **sizes
+            )
         else:
             from imodbatch.simulation.analytic import write_dataset
 
             if worlds is not None:
                 sizes["n_sequences"] = worlds
             write_dataset(folder, seed=seed, progress=advance, **sizes)
-    click.echo(f"simulate: {folder}")
+    manifest = f", described by {folder / 'manifest.toml'}" if world == "house" else ""
+    click.echo(f"simulate: {folder}{manifest}")
 
 
 @click.command()
@@ -114,9 +131,15 @@ def simulate(
 @click.option(
     "--backgrounds",
     type=click.Path(path_type=Path),
-    required=True,
     metavar="DIR",
-    help="Pictures without target objects.",
+    help="Pictures without target objects. Default: simulated rooms, rendered once.",
+)
+@click.option(
+    "--rooms",
+    "n_rooms",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Pictures of simulated rooms where --backgrounds names none. Default: 300.",
 )
 @click.option("--n", type=click.IntRange(min=1), default=18000, show_default=True, help="Pictures.")
 @click.option(
@@ -132,6 +155,24 @@ def simulate(
     show_default=True,
     help="Renders per object and viewpoint bin.",
 )
+@click.option(
+    "--renderer",
+    type=click.Choice(["embree", "blender"]),
+    default="embree",
+    show_default=True,
+    help="blender: path traced as in the paper, much slower; needs the extra [blender].",
+)
+@click.option(
+    "--size", default="480,360", show_default=True, metavar="W,H", help="Of pictures, pixels."
+)
+@click.option(
+    "--scale",
+    default="0.1,1.0",
+    show_default=True,
+    metavar="LOW,HIGH",
+    help="Objects' longer side over the picture's shorter side.",
+)
+@click.option("--per-picture", default="1,5", show_default=True, metavar="MIN,MAX", help="Objects.")
 @click.option(
     "--symmetry",
     "symmetries",
@@ -153,7 +194,7 @@ def simulate(
     "--cache",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Where renders are kept. Default: ~/.cache/imodbatch/views.",
+    help="Where renders are kept. Default: views and rooms in ~/.cache/imodbatch.",
 )
 @click.option("--overwrite", is_flag=True, help="Make all pictures anew.")
 def synth(
@@ -161,11 +202,16 @@ def synth(
     objects: str | None,
     models: Path | None,
     turntable: Path | None,
-    backgrounds: Path,
+    backgrounds: Path | None,
+    n_rooms: int | None,
     n: int,
     azimuths: int,
     elevations: str,
     variants: int,
+    renderer: Literal["embree", "blender"],
+    size: str,
+    scale: str,
+    per_picture: str,
     symmetries: tuple[str, ...],
     without: tuple[str, ...],
     seed: int,
@@ -177,7 +223,7 @@ def synth(
 
     \b
     Example:
-      imodbatch synth data/synth --objects household17 --backgrounds data/rooms --workers 2
+      imodbatch synth data/synth --models MY_MODELS --workers 2
     """  # noqa: D301 (click wants the character, not a backslash)
     from imodbatch.errors import ConfigError
     from imodbatch.training import Recipe, ViewSettings, sources, write_dataset
@@ -187,9 +233,15 @@ def synth(
         raise ConfigError("Name one of --objects, --models and --turntable, not several.")
     if without and turntable is None:
         raise ConfigError("--without: names turntable instances; it needs --turntable.")
+    if turntable is not None and renderer != "embree":
+        raise ConfigError("--renderer: turntable pictures are photographs; nothing is rendered.")
+    if backgrounds is not None and n_rooms is not None:
+        raise ConfigError("Name one of --backgrounds and --rooms, not both.")
     grid = sources.grid_of(azimuths, elevations)
+    how = sources.compose_settings(size, scale, per_picture)
     symmetry = sources.parse_symmetries(symmetries)
-    pictures = list_backgrounds(backgrounds)
+    pictures = [] if backgrounds is None else list_backgrounds(backgrounds)
+    rooms_cache = sources.rooms_cache(cache)
     cache = cache or sources.default_cache()
     if turntable is not None:
         tables, line = sources.turntable_views(
@@ -201,11 +253,17 @@ def synth(
             if models is None
             else sources.folder_models(models, symmetry)
         )
-        settings = ViewSettings(grid=grid, n_variants=variants)
+        settings = ViewSettings(grid=grid, n_variants=variants, renderer=renderer)
         with _bar("views") as advance:
             tables, line = sources.views_of(chosen, settings, cache, workers, advance)
     click.echo(f"synth views: {line}")
-    recipe = Recipe(tuple(tables), tuple(pictures), grid, seed=seed)
+    if backgrounds is None:
+        with _bar("rooms") as advance:
+            pictures, line = sources.room_backgrounds(
+                rooms_cache, n_rooms or sources.N_ROOMS, workers, advance
+            )
+        click.echo(f"synth rooms: {line}")
+    recipe = Recipe(tuple(tables), tuple(pictures), grid, how, seed)
     with _bar("synth") as advance:
         summary = write_dataset(
             out, recipe, n, workers=workers, overwrite=overwrite, progress=advance
@@ -219,7 +277,8 @@ def synth(
     "--data",
     type=click.Path(path_type=Path),
     required=True,
-    help="COCO folder, as `imodbatch synth` writes it.",
+    multiple=True,
+    help="COCO folder, as `imodbatch synth` or `simulate` writes it; may be repeated.",
 )
 @click.option("--val", type=click.Path(path_type=Path), help="COCO folder to try the detector on.")
 @click.option(
@@ -238,7 +297,7 @@ def synth(
 )
 def train(
     config: str,
-    data: Path,
+    data: tuple[Path, ...],
     val: Path | None,
     out: Path,
     minutes: float | None,
@@ -253,10 +312,11 @@ def train(
     """  # noqa: D301 (click wants the character, not a backslash)
     from imodbatch.engines.detector.recipes import load_recipe
     from imodbatch.engines.detector.training_loop import train as run_training
-    from imodbatch.engines.detector.training_samples import CocoStream
+    from imodbatch.engines.detector.training_samples import CocoStream, MixedStream
 
     recipe = load_recipe(config, settings)
-    stream = CocoStream(data, recipe.seed)
+    folders = [CocoStream(folder, recipe.seed) for folder in data]
+    stream = MixedStream(folders, recipe.data.shares, recipe.seed) if data[1:] else folders[0]
     validation = None if val is None else CocoStream(val, seed=None)
     with _bar("train") as advance:
         outcome = run_training(recipe, stream, out, validation, minutes, resume, advance)

@@ -194,6 +194,51 @@ def test_simulate_writes_rooms_without_objects(cli: Callable[..., Result], tmp_p
     assert len(list((tmp_path / "rooms").glob("*.jpg"))) == 4
 
 
+@pytest.mark.parametrize("world", [(), ("--world", "house")])
+def test_simulate_puts_models_into_houses(
+    cli: Callable[..., Result],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    world: tuple[str, ...],
+) -> None:
+    calls: list[dict[str, Any]] = []
+
+    def write_house_dataset(*which: Any, progress: Callable[[int, int], None], **how: Any) -> None:
+        progress(1, 2)
+        calls.append({"which": which, **how})
+
+    monkeypatch.setattr("imodbatch.simulation.models.load_models", lambda folder: [folder])
+    monkeypatch.setattr("imodbatch.simulation.houses.write_house_dataset", write_house_dataset)
+    result = cli("simulate", tmp_path, "--models", "mine", *world, "--worlds", 2, "--workers", 2)
+    assert result.exit_code == 0, result.output
+    assert result.stdout == f"simulate: {tmp_path}, described by {tmp_path / 'manifest.toml'}\n"
+    assert calls == [
+        {
+            "which": (tmp_path, "test", 0),
+            "models": [Path("mine")],
+            "n_worlds": 2,
+            "n_processes": 2,
+        }
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--models", "mine", "--world", "analytic"), "--world analytic takes no models."),
+        (("--models", "mine", "--world", "rooms"), "--world rooms takes no models."),
+        (("--workers", "2"), "--workers needs --world house or rooms"),
+    ],
+)
+def test_simulate_refuses_what_does_not_apply(
+    cli: Callable[..., Result], tmp_path: Path, arguments: tuple[str, ...], said: str
+) -> None:
+    result = cli("simulate", tmp_path / "data", *arguments)
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert not (tmp_path / "data").exists()
+
+
 def test_simulate_replaces_no_foreign_files(cli: Callable[..., Result], tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
     result = cli("simulate", tmp_path)
@@ -260,8 +305,8 @@ def test_the_readme_names_only_commands_that_exist() -> None:
 
 
 def test_the_readme_names_only_make_targets_that_exist() -> None:
-    named = set(re.findall(r"\bmake ([a-z]+)", code_of(text_of("README.md"))))
-    targets = set(re.findall(r"(?m)^([a-z]+):", text_of("Makefile"))) | set(STAGES)
+    named = set(re.findall(r"\bmake ([a-z0-9]+)", code_of(text_of("README.md"))))
+    targets = set(re.findall(r"(?m)^([a-z0-9]+):", text_of("Makefile"))) | set(STAGES)
     assert "all" in named
     assert named - targets == set()
 

@@ -34,7 +34,8 @@ class ComposeSettings:
     Attributes:
         width_px: of the picture.
         height_px: of the picture.
-        max_objects: 1 to this many objects, equally often.
+        min_objects: in a picture that has any.
+        max_objects: `min_objects` to this many objects, equally often.
         empty_share: share of pictures without any object.
         scale_range: of an object's longer side over the picture's shorter side; log-uniform.
         max_iou: largest overlap of two boxes.
@@ -47,6 +48,7 @@ class ComposeSettings:
 
     width_px: int = 480
     height_px: int = 360
+    min_objects: int = 1
     max_objects: int = 5
     empty_share: float = 0.02
     scale_range: tuple[float, float] = (0.1, 1.0)
@@ -61,8 +63,16 @@ class ComposeSettings:
         low, high = self.scale_range
         if not 0 < low <= high:
             raise ConfigError(f"scale_range: expected 0 < low ≤ high, found {self.scale_range}.")
-        if self.max_objects < 1:
-            raise ConfigError(f"max_objects: expected at least 1, found {self.max_objects}.")
+        if not 1 <= self.min_objects <= self.max_objects:
+            raise ConfigError(
+                f"min_objects, max_objects: expected 1 ≤ min ≤ max, found {self.min_objects} and "
+                f"{self.max_objects}."
+            )
+        if min(self.width_px, self.height_px) < 32:
+            raise ConfigError(
+                f"Pictures of {self.width_px} x {self.height_px} px are too small; "
+                "32 px a side is the least."
+            )
         if not self.blendings or set(self.blendings) - set(BLENDINGS):
             raise ConfigError(
                 f"blendings: expected some of {', '.join(BLENDINGS)}, found {self.blendings}."
@@ -155,7 +165,9 @@ class Composer:
         rng = np.random.default_rng([self.seed, index])
         image = random_background(self.backgrounds, how.width_px, how.height_px, rng)
         blending = how.blendings[int(rng.integers(len(how.blendings)))]
-        n_wanted = 0 if rng.random() < how.empty_share else int(rng.integers(how.max_objects)) + 1
+        is_empty = rng.random() < how.empty_share
+        n_some = how.min_objects + int(rng.integers(how.max_objects - how.min_objects + 1))
+        n_wanted = 0 if is_empty else n_some
         owner = np.full(image.shape[:2], NOBODY, np.int8)
         placed: list[_Placed] = []
         for _ in range(n_wanted):

@@ -23,7 +23,7 @@ from imodbatch.errors import ConfigError, DataError
 from imodbatch.training.composition import Composer, Picture, Recipe
 from imodbatch.training.cutouts import write_text
 
-VERSION = 1
+VERSION = 2
 CHUNK = 50
 JPEG_QUALITY = 95
 ANNOTATIONS, RECIPE, CHUNKS = "annotations.json", "recipe.json", ".chunks"

@@ -1,4 +1,4 @@
-"""Which objects a user asks for → their cutouts, and a line that says what came of it."""
+"""Which objects and backgrounds a user asks for → files, and a line that says what came of it."""
 
 import os
 import time
@@ -11,20 +11,33 @@ import numpy as np
 
 from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.errors import ConfigError
+from imodbatch.simulation.houses.backgrounds import (
+    N_PICTURES,
+    backgrounds_digest,
+    write_backgrounds,
+)
 from imodbatch.simulation.mesh import ObjectModel, Symmetry
 from imodbatch.simulation.models import load_models
 from imodbatch.simulation.objects import OBJECTS, load_object
+from imodbatch.training.composition import ComposeSettings
 from imodbatch.training.turntable import class_names_of, read_turntable
 from imodbatch.training.views import Progress, ViewSettings, prepare_views
 
 CATALOGUES = {"household17": tuple(OBJECTS)}
 """Sets of objects that come with the package."""
+N_ROOMS = N_PICTURES
+"""Pictures of simulated rooms where a user names no backgrounds."""
 
 
 def default_cache() -> Path:
     """Where cutouts are kept between runs unless the user names a place."""
     root = os.environ.get("XDG_CACHE_HOME")
     return (Path(root) if root else Path.home() / ".cache") / "imodbatch" / "views"
+
+
+def rooms_cache(named: Path | None) -> Path:
+    """Where rooms are kept: beside the cutouts, or within the place that the user names."""
+    return default_cache().with_name("rooms") if named is None else named / "rooms"
 
 
 def catalogue_models(
@@ -50,22 +63,43 @@ def views_of(
     progress: Progress | None = None,
 ) -> tuple[list[Path], str]:
     """Cutouts of models, and a line."""
-    begin, first, last = time.perf_counter(), 0, 0
-
-    def advance(done: int, total: int) -> None:
-        nonlocal first, last
-        first, last = (done if not last else first), total
-        if progress:
-            progress(done, total)
-
-    tables = prepare_views(models, cache, settings, workers=workers, progress=advance)
-    made = last - first
-    seconds = time.perf_counter() - begin
-    pace = f" ({made / seconds:.1f} per second)" if made else ""
+    rendered = _Rendered(progress)
+    tables = prepare_views(models, cache, settings, workers=workers, progress=rendered)
     return tables, (
-        f"{len(models)} objects × {settings.n_views} views = {last:,} = {made:,} rendered{pace} + "
-        f"{first:,} from cache"
+        f"{len(models)} objects × {settings.n_views} views = {rendered.n_total:,} = {rendered}"
     )
+
+
+def room_backgrounds(
+    cache: Path, n: int = N_ROOMS, workers: int = 1, progress: Progress | None = None
+) -> tuple[list[Path], str]:
+    """Pictures of simulated training rooms in which no target stands, and a line."""
+    rendered = _Rendered(progress)
+    folder = cache / backgrounds_digest("train", n)
+    paths = write_backgrounds(folder, "train", n, progress=rendered, n_processes=workers)
+    return paths, f"{n:,} pictures without objects = {rendered}"
+
+
+class _Rendered:
+    """Progress that tells what is made from what was there at the first call; `str` says both."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self.progress, self.begin = progress, time.perf_counter()
+        self.n_found: int | None = None
+        self.n_total = 0
+
+    def __call__(self, done: int, total: int) -> None:
+        self.n_found = done if self.n_found is None else self.n_found
+        self.n_total = total
+        if self.progress:
+            self.progress(done, total)
+
+    def __str__(self) -> str:
+        found = self.n_found or 0
+        made = self.n_total - found
+        seconds = time.perf_counter() - self.begin
+        pace = f" ({made / seconds:.1f} per second)" if made else ""
+        return f"{made:,} rendered{pace} + {found:,} from cache"
 
 
 def turntable_views(
@@ -99,6 +133,32 @@ def grid_of(n_azimuths: int, elevations_deg: str) -> ViewGrid:
             f"--elevations {elevations_deg}: expected ascending degrees such as 10,30,50."
         )
     return ViewGrid(n_azimuths, tuple(float(np.deg2rad(e)) for e in degrees))
+
+
+def compose_settings(size: str, scale: str, per_picture: str) -> ComposeSettings:
+    """What pictures are like, from what stands on the command line.
+
+    Raises:
+        ConfigError: a text is not two numbers, or they cannot be meant.
+    """
+    width, height = _pair("--size", size, "480,360")
+    low, high = _pair("--scale", scale, "0.1,1.0")
+    fewest, most = _pair("--per-picture", per_picture, "1,5")
+    return ComposeSettings(
+        width_px=int(width),
+        height_px=int(height),
+        scale_range=(low, high),
+        min_objects=int(fewest),
+        max_objects=int(most),
+    )
+
+
+def _pair(option: str, text: str, example: str) -> tuple[float, float]:
+    try:
+        first, second = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ConfigError(f"{option} {text}: expected two numbers such as {example}.") from None
+    return first, second
 
 
 def parse_symmetries(texts: Collection[str]) -> dict[str, Symmetry]:

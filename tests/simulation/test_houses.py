@@ -15,14 +15,20 @@ from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.datasets.registry import camera_model
 from imodbatch.errors import DataError
 from imodbatch.manifest import load_manifest
-from imodbatch.simulation.houses import background_frames, write_house_dataset
-from imodbatch.simulation.houses.dataset import catalogue
-from imodbatch.simulation.houses.drive import HIGHEST_M, KINDS, LOWEST_M, make_drive
+from imodbatch.simulation.houses import (
+    background_frames,
+    backgrounds,
+    write_backgrounds,
+    write_house_dataset,
+)
+from imodbatch.simulation.houses.dataset import catalogue, sequence_id
+from imodbatch.simulation.houses.drive import HIGHEST_M, KINDS, LOWEST_M, kind_of, make_drive
 from imodbatch.simulation.houses.floorplan import LAYOUTS
+from imodbatch.simulation.houses.manifests import WHAT_IT_DOES, manifest_texts
 from imodbatch.simulation.houses.odometry import odometry
 from imodbatch.simulation.houses.planner import ROBOT_RADIUS_M
 from imodbatch.simulation.houses.sensor import ColorCamera, DepthFaults, measure_depth
-from imodbatch.simulation.houses.sequence import LEAST_SIDE_PX, LEAST_VISIBLE, frames
+from imodbatch.simulation.houses.sequence import CAMERA, LEAST_SIDE_PX, LEAST_VISIBLE, frames
 from imodbatch.simulation.houses.styles import STREAM_OF_SPLIT, STYLES
 from imodbatch.simulation.houses.world import make_house, random_of
 from imodbatch.simulation.objects.catalogue import OBJECTS
@@ -73,9 +79,11 @@ def digests(folder):
     }
 
 
-def test_the_same_seed_gives_the_same_bytes(dataset, tmp_path):
-    again = tmp_path / "again"
-    write_house_dataset(again, "test", seed=5, n_worlds=2, n_frames=4, camera=SMALL)
+@pytest.mark.parametrize("n_processes", [1, 2])
+def test_the_same_seed_gives_the_same_bytes(dataset, n_processes, tmp_path):
+    again = tmp_path / dataset.name
+    settings = {"seed": 5, "n_worlds": 2, "n_frames": 4, "camera": SMALL}
+    write_house_dataset(again, "test", **settings, n_processes=n_processes)
     assert digests(again) == digests(dataset)
 
 
@@ -107,16 +115,17 @@ def test_foreign_files_and_wrong_splits_are_refused(tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-def test_a_manifest_alone_lets_the_folder_adapter_read_it(dataset, tmp_path):
-    text = Path("manifests/house_test.toml").read_text(encoding="utf-8")
-    text = text.replace("../data/house_test", str(dataset)).split("\n[[sequences]]")[0]
-    small = ", ".join(f"{name} = {value}" for name, value in vars(SMALL).items())
-    head, rest = text.split("color = { ", 1)
-    text = head + "color = { " + small + rest[rest.index(" }") :]
-    path = tmp_path / "m.toml"
-    path.write_text(text + '\n[[sequences]]\nid = "house_1"\npath = "house_1"\n')
-    manifest = load_manifest(path)
+@pytest.mark.parametrize(
+    ("file", "poses"),
+    [("manifest.toml", "odometry.txt"), ("manifest_true.toml", "trajectory_true.txt")],
+)
+def test_the_manifest_beside_it_lets_the_stages_read_it(dataset, file, poses):
+    manifest = load_manifest(dataset / file)
+    assert manifest.name == ("house_test_true" if "true" in file else "house_test")
+    assert [sequence.id for sequence in manifest.sequences] == ["house_1", "house_2"]
+    assert camera_model(manifest).color == SMALL
     sequence = manifest.sequences[0]
+    assert manifest.path_in(sequence, manifest.odometry.path) == dataset / "house_1" / poses
     tables = index.run(manifest, sequence).tables
     frames_table, annotations_table = tables["frames"], tables["annotations"]
     assert frames_table.num_rows == 4
@@ -127,13 +136,50 @@ def test_a_manifest_alone_lets_the_folder_adapter_read_it(dataset, tmp_path):
     assert {row["instance_id"] for row in rows} == {entry["instance"] for entry in listed}
 
 
-def test_manifests_name_the_classes_in_the_catalogues_order():
-    for split in ("test", "val"):
-        for poses, suffix in (("odometry", ""), ("trajectory_true", "_true")):
-            manifest = load_manifest(Path(f"manifests/house_{split}{suffix}.toml"))
-            assert manifest.classes == tuple(OBJECTS)
-            assert poses in manifest.odometry.path
-            assert camera_model(manifest).color.fx_px == 525
+def test_a_manifest_that_is_gone_or_changed_is_written_again_and_nothing_else(dataset):
+    seen = []
+    (dataset / "manifest_true.toml").unlink()
+    (dataset / "manifest.toml").write_text("name = 7")
+    settings = {"seed": 5, "n_worlds": 2, "n_frames": 4, "camera": SMALL}
+    write_house_dataset(dataset, "test", **settings, progress=lambda *n: seen.append(n))
+    assert seen == [(8, 8)]
+    assert load_manifest(dataset / "manifest.toml").name == "house_test"
+    assert load_manifest(dataset / "manifest_true.toml").name == "house_test_true"
+
+
+@pytest.mark.parametrize(("split", "n_worlds"), [("test", 4), ("val", 3)])
+@pytest.mark.parametrize("suffix", ["", "_true"])
+def test_shipped_manifests_say_what_a_dataset_says_of_itself(split, n_worlds, suffix, tmp_path):
+    ids = [sequence_id(k) for k in range(n_worlds)]
+    name = f"house_{split}"
+    texts = manifest_texts(name, split, list(OBJECTS), CAMERA, ids)
+    text = texts[f"manifest{suffix}.toml"]
+    (tmp_path / "m.toml").write_text(text, encoding="utf-8")
+    shipped = Path(f"manifests/{name}{suffix}.toml")
+    told = [load_manifest(path) for path in (tmp_path / "m.toml", shipped)]
+    assert told[0].name == told[1].name
+    places = {"name", "root", "description"}
+    assert told[0].model_dump(exclude=places) == told[1].model_dump(exclude=places)
+    # Comments too: which way the robot drives, and what depth means.
+    assert text.split("[camera]")[1] == shipped.read_text(encoding="utf-8").split("[camera]")[1]
+
+
+def test_every_kind_of_drive_is_put_in_words():
+    assert set(WHAT_IT_DOES) == set(KINDS)
+    assert [kind_of(k) for k in range(5)] == [*KINDS, KINDS[0]]
+
+
+@pytest.mark.parametrize(
+    ("folder", "name"),
+    [("mine", "mine"), ("my houses (2)", "my_houses_2_"), (".hidden", "hidden"), ("家", "houses")],
+)
+def test_odd_names_make_a_manifest_that_loads(folder, name, tmp_path):
+    classes = ['a "quoted" \\ name', "Tasse, große", "{braces}"]
+    for file, text in manifest_texts(folder, "test", classes, SMALL, ["house_1"]).items():
+        (tmp_path / file).write_text(text, encoding="utf-8")
+        manifest = load_manifest(tmp_path / file)
+        assert manifest.classes == tuple(classes)
+        assert manifest.name == name + ("_true" if "true" in file else "")
 
 
 def test_boxes_enclose_what_shows(shots):
@@ -390,3 +436,82 @@ def test_backgrounds_hold_no_targets_and_differ():
     assert all(picture.std() > 10 for picture in pictures)
     assert not np.array_equal(pictures[0], pictures[1])
     np.testing.assert_array_equal(pictures[0], next(background_frames("train", 1, camera=SMALL)))
+
+
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory):
+    """Seven small backgrounds: six of one house and one of the next."""
+    folder = tmp_path_factory.mktemp("rooms")
+    paths = write_backgrounds(folder, "train", 7, camera=SMALL)
+    assert [path.name for path in paths] == [f"background_{k:05d}.jpg" for k in range(7)]
+    return folder
+
+
+def test_backgrounds_are_the_same_by_two_processes(rooms, tmp_path):
+    seen = []
+    write_backgrounds(
+        tmp_path, "train", 7, camera=SMALL, n_processes=2, progress=lambda *n: seen.append(n)
+    )
+    assert digests(tmp_path) == digests(rooms)
+    assert seen[0] == (0, 7)
+    assert seen[-1] == (7, 7)
+
+
+def test_backgrounds_that_are_there_are_kept(rooms, tmp_path):
+    """An interrupted run goes on; a damaged picture is made again; fewer or more are the same."""
+    folder = tmp_path / "rooms"
+    straight = digests(rooms)
+
+    def interrupt(n_done, _total):
+        if n_done == 6:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_backgrounds(folder, "train", 7, progress=interrupt, camera=SMALL)
+    assert sorted(digests(folder)) == sorted(
+        [*(f"background_{k:05d}.jpg" for k in range(6)), "rooms.json"]
+    )
+    seen = []
+
+    def again(n):
+        seen.clear()
+        write_backgrounds(
+            folder, "train", n, progress=lambda *shares: seen.append(shares), camera=SMALL
+        )
+
+    again(7)
+    assert seen == [(6, 7), (7, 7)]
+    assert digests(folder) == straight
+    again(7)
+    assert seen == [(7, 7)]
+    (folder / "background_00006.jpg").write_bytes(b"half")
+    again(7)
+    assert seen == [(6, 7), (7, 7)]
+    assert digests(folder) == straight
+    again(6)
+    assert seen == [(6, 6)]
+    assert len(list(folder.glob("*.jpg"))) == 6
+    again(7)
+    assert digests(folder) == straight
+
+
+def test_backgrounds_of_other_settings_are_replaced(tmp_path, monkeypatch):
+    monkeypatch.setattr(backgrounds, "FRAMES_PER_HOUSE", 1)
+    first = write_backgrounds(tmp_path, "train", 2, camera=SMALL)[0].read_bytes()
+    (path,) = write_backgrounds(tmp_path, "train", 1, seed=1, camera=SMALL)
+    assert path.read_bytes() != first
+    assert [picture.name for picture in tmp_path.glob("*.jpg")] == [path.name]
+    assert len({backgrounds.backgrounds_digest(n=n, seed=s) for n in (1, 2) for s in (0, 1)}) == 4
+
+
+def test_backgrounds_replace_no_foreign_pictures(tmp_path):
+    mine = tmp_path / "background_00000.jpg"
+    mine.write_bytes(b"of a holiday")
+    with pytest.raises(DataError, match=r"background_00000\.jpg and no rooms\.json"):
+        write_backgrounds(tmp_path, "train", 1)
+    assert mine.read_bytes() == b"of a holiday"
+    with pytest.raises(DataError, match="is a file"):
+        write_backgrounds(mine, "train", 1)
+    with pytest.raises(DataError, match="train, val, test"):
+        write_backgrounds(tmp_path / "new", "trains", 1)
+    assert not (tmp_path / "new").exists()

@@ -1,11 +1,18 @@
 """`imodbatch synth` end to end, small."""
 
 import json
+from functools import partial
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from imodbatch.cli import main
+from imodbatch.core.camera import PinholeCamera
+from imodbatch.simulation.houses import write_backgrounds
+from imodbatch.training import sources
+
+SMALL = PinholeCamera(160, 120, 131.25, 131.25, 80.0, 60.0)
 
 
 @pytest.fixture
@@ -42,13 +49,51 @@ def test_objects_in_two_lines(synth, tmp_path):
     assert "3 pictures = 0 made + 3 there already" in again.stdout
 
 
+@pytest.fixture
+def bare(tmp_path, monkeypatch):
+    """`synth` without --backgrounds; its rooms are photographed by a small camera."""
+    small = partial(write_backgrounds, camera=SMALL)
+    monkeypatch.setattr(sources, "write_backgrounds", small)
+
+    def run(out, *arguments):
+        objects = ["--objects", "ball_pink", "--cache", str(tmp_path / "c"), "--n", "2"]
+        grid = ["--azimuths", "2", "--elevations", "20", "--variants", "1", "--size", "64,48"]
+        return CliRunner().invoke(main, ["synth", str(tmp_path / out), *objects, *grid, *arguments])
+
+    return run
+
+
+def test_rooms_are_rendered_once_where_no_backgrounds_are_named(bare, tmp_path):
+    result = bare("out", "--rooms", "2")
+    assert result.exit_code == 0, result.output
+    _, rooms, pictures = result.stdout.strip().splitlines()
+    assert rooms.startswith("synth rooms: 2 pictures without objects = 2 rendered (")
+    assert rooms.endswith(" per second) + 0 from cache")
+    assert "2 pictures = 2 made" in pictures
+    (done,) = (tmp_path / "c" / "rooms").glob("*/DONE")
+    assert done.parent.name == sources.backgrounds_digest("train", 2)
+    assert len(list(done.parent.glob("*.jpg"))) == 2
+    again = bare("out", "--rooms", "2")
+    assert "2 pictures without objects = 0 rendered + 2 from cache" in again.stdout
+    assert "2 pictures = 0 made + 2 there already" in again.stdout
+
+
+def test_rooms_lie_beside_the_cutouts(monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", "/cache")
+    assert sources.default_cache() == Path("/cache/imodbatch/views")
+    assert sources.rooms_cache(None) == Path("/cache/imodbatch/rooms")
+    assert sources.rooms_cache(Path("mine")) == Path("mine/rooms")
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (("--objects", "teapot"), "No object is called 'teapot'"),
         (("--objects", "teacup", "--models", "somewhere"), "not several"),
         (("--objects", "teacup", "--without", "bowl_1"), "needs --turntable"),
+        (("--turntable", "somewhere", "--renderer", "blender"), "nothing is rendered"),
         (("--objects", "teacup", "--symmetry", "ball=full"), "--symmetry ball: no such class"),
+        (("--rooms", "3"), "--backgrounds and --rooms, not both"),
         (("--models", "nowhere"), "nowhere: no such folder"),
         (("--turntable", "nowhere"), "nowhere: no such folder"),
         (("--objects", "teacup", "--elevations", "x"), "--elevations x: expected"),

@@ -14,8 +14,10 @@ odometry   what the wheels make of it
 sensor     faults of depth and colour
 sequence   frames: what is true and what is measured
 files      how a drive lies on disk
-dataset    `write_house_dataset`: the `robot` layout, resumable
-backgrounds  pictures without targets, for composing training images
+manifests  the dataset described to the pipeline
+dataset    `write_house_dataset`: everything on disk, resumable
+processes  work shared out among processes
+backgrounds  pictures without targets, for composing training images, resumable
 """
 
 from imodbatch.simulation.houses.backgrounds import background_frames, write_backgrounds

@@ -1,6 +1,6 @@
-"""Write a split's houses as a dataset in the `robot` layout, whole sequences or none.
+"""Write a split's houses as a dataset, whole sequences or none.
 
-    FOLDER/camera.json  FOLDER/DONE
+    FOLDER/manifest.toml  manifest_true.toml  camera.json  DONE
     FOLDER/house_1/color/000000.jpg  depth/000000.png (16-bit mm, 0 = none)
     FOLDER/house_1/odometry.txt  trajectory_true.txt (TUM)  annotations.json (COCO)  objects.json
 
@@ -11,11 +11,9 @@ sequence, other settings or a lost file make a sequence anew, and the dataset's 
 
 import hashlib
 import json
-import multiprocessing
 import re
 import shutil
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -25,19 +23,23 @@ from imodbatch.core.camera import PinholeCamera
 from imodbatch.errors import DataError
 from imodbatch.simulation.houses.drive import make_drive
 from imodbatch.simulation.houses.files import (
+    ODOMETRY_FILE,
+    TRUE_POSES_FILE,
     write_annotations,
     write_camera,
     write_images,
     write_trajectory,
 )
+from imodbatch.simulation.houses.manifests import MANIFEST, MANIFEST_TRUE, manifest_texts
 from imodbatch.simulation.houses.odometry import odometry
+from imodbatch.simulation.houses.processes import results
 from imodbatch.simulation.houses.sequence import CAMERA, frames
 from imodbatch.simulation.houses.styles import STYLES
 from imodbatch.simulation.houses.world import SENSOR_STREAM, House, make_house
 from imodbatch.simulation.mesh import ObjectModel
 from imodbatch.simulation.objects.catalogue import OBJECTS, load_object
 
-VERSION = 1
+VERSION = 2
 """Raised when the same seed gives another dataset than before."""
 DONE, CAMERA_FILE = "DONE", "camera.json"
 N_WORLDS, N_FRAMES = 4, 75
@@ -117,18 +119,16 @@ def write_house_dataset(
             _write_sequence(folder, index, settings, chosen, camera, advance)
             n_done += n_frames
     else:
-        # Processes that use threads (open3d's do) must not be forked.
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(n_processes, mp_context=context) as pool:
-            jobs = [
-                pool.submit(_write_sequence, folder, index, settings, chosen, camera)
-                for index in todo
-            ]
-            for job in jobs:
-                job.result()
-                n_done += n_frames
-                progress(n_done, total)
+        calls = [(folder, index, settings, chosen, camera) for index in todo]
+        for _ in results(_write_sequence, calls, n_processes):
+            n_done += n_frames
+            progress(n_done, total)
     write_camera(folder / CAMERA_FILE, camera)
+    sequence_ids = [sequence_id(index) for index in range(n_worlds)]
+    classes = [model.name for model in chosen]
+    texts = manifest_texts(folder.name, split, classes, camera, sequence_ids)
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
     _write_done(folder, whole)
 
 
@@ -179,9 +179,9 @@ def _write_sequence(
         if advance is not None:
             advance(frame_index + 1)
     measured = odometry(drive, house.random(ODOMETRY_STREAM))
-    write_trajectory(unfinished / "odometry.txt", measured, "wheel odometry")
-    write_trajectory(unfinished / "trajectory_true.txt", drive.world_from_cam, "true poses")
-    classes = [model.name for model in models]
+    write_trajectory(unfinished / ODOMETRY_FILE, measured, "wheel odometry")
+    write_trajectory(unfinished / TRUE_POSES_FILE, drive.world_from_cam, "true poses")
+    classes = {model.name: model.symmetry for model in models}
     write_annotations(unfinished / "annotations.json", camera, classes, seen_by_frame)
     (unfinished / "objects.json").write_text(_objects(house, drive.kind), encoding="utf-8")
     _write_done(unfinished, {**settings, "index": index})
@@ -230,8 +230,10 @@ def _check_is_ours(folder: Path) -> None:
         return
     if not folder.is_dir():
         raise DataError(f"{folder}: is a file, expected a folder. Name another --out.")
-    ours = re.compile(r"house_\d+|\.house_\d+\.partial|DONE|camera\.json")
-    foreign = sorted(path.name for path in folder.iterdir() if not ours.fullmatch(path.name))
+    files = {DONE, CAMERA_FILE, MANIFEST, MANIFEST_TRUE}
+    ours = re.compile(r"house_\d+|\.house_\d+\.partial")
+    names = sorted(path.name for path in folder.iterdir())
+    foreign = [name for name in names if name not in files and not ours.fullmatch(name)]
     if foreign:
         raise DataError(
             f"{folder}: holds {foreign[0]!r}, which is no part of a house dataset. "

@@ -44,10 +44,15 @@ class Drive:
     world_from_cam: Array
 
 
+def kind_of(index: int) -> str:
+    """The kind of drive through the index-th house, from 0."""
+    return KINDS[index % len(KINDS)]
+
+
 def make_drive(house: House, n_frames: int) -> Drive:
     """The drive of a house; its kind follows from the house's index."""
     rng = house.random(DRIVE_STREAM)
-    kind = KINDS[house.index % len(KINDS)]
+    kind = kind_of(house.index)
     space = FreeSpace(house)
     route = _route(rng, house, space, kind)
     pause_at = int(len(route) * rng.uniform(0.4, 0.6)) if kind == "wait" else None

@@ -1,7 +1,7 @@
 """How a drive lies on disk: JPEG colour, 16-bit depth, TUM trajectories, COCO annotations."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,10 @@ from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import quaternion_from_matrix
 from imodbatch.simulation.analytic.sensor import to_millimetres
 from imodbatch.simulation.houses.sequence import GRID_8, GRID_16, HouseFrame, SeenTarget
+from imodbatch.simulation.mesh import Symmetry
 
 FRAMES_PER_SECOND = 5
+ODOMETRY_FILE, TRUE_POSES_FILE = "odometry.txt", "trajectory_true.txt"
 JPEG_QUALITY = 93
 
 
@@ -24,9 +26,11 @@ def color_file(frame_index: int) -> str:
 
 
 def write_color(path: Path, color: NDArray[np.uint8]) -> None:
-    """A JPEG without chroma subsampling: small print stays."""
+    """A JPEG without chroma subsampling: small print stays. Whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(color).save(path, quality=JPEG_QUALITY, subsampling=0)
+    partial = path.with_name(f".{path.name}.partial")
+    Image.fromarray(color).save(partial, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+    partial.replace(path)
 
 
 def write_images(folder: Path, frame_index: int, frame: HouseFrame) -> None:
@@ -51,7 +55,7 @@ def write_trajectory(path: Path, world_from_cam: NDArray[np.float64], what: str)
 def write_annotations(
     path: Path,
     camera: PinholeCamera,
-    classes: Sequence[str],
+    classes: Mapping[str, Symmetry],
     seen_by_frame: Sequence[Sequence[SeenTarget]],
 ) -> None:
     """True boxes as COCO, with viewpoints; `ignore` = 1 for hidden, cut and tiny objects."""
@@ -75,7 +79,10 @@ def write_annotations(
             }
             for frame_index in range(len(seen_by_frame))
         ],
-        "categories": [{"id": k + 1, "name": name} for k, name in enumerate(classes)],
+        "categories": [
+            {"id": k + 1, "name": name, "symmetry": symmetry}
+            for k, (name, symmetry) in enumerate(classes.items())
+        ],
         "annotations": [{"id": i + 1, **entry} for i, entry in enumerate(annotations)],
     }
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
