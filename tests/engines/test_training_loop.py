@@ -15,18 +15,20 @@ from PIL import Image
 from imodbatch.engines.detector.card import LIGHT
 from imodbatch.engines.detector.inference import load_detector
 from imodbatch.engines.detector.recipes import Recipe, load_recipe
-from imodbatch.engines.detector.training_loader import change_colors, cut_crops
+from imodbatch.engines.detector.training_loader import change_colors, cut_crops, cut_window
 from imodbatch.engines.detector.training_log import read_events, read_rows
 from imodbatch.engines.detector.training_loop import train
 from imodbatch.engines.detector.training_samples import (
     CocoStream,
     ComposedStream,
+    MixedStream,
     Sample,
     composed_stream,
     parse_symmetry,
 )
 from imodbatch.engines.detector.training_targets import ViewTargets
 from imodbatch.errors import ConfigError, DataError
+from imodbatch.simulation.objects import OBJECTS
 
 HEIGHT, WIDTH, N = 96, 128, 4
 CLASSES = ("box", "ring")
@@ -202,7 +204,7 @@ def test_resumed_training_ends_with_the_same_bits(folder: Path, tmp_path: Path) 
     """Killed in either phase, after steps that no checkpoint holds, and stopped by the clock."""
     recipe = make_recipe(
         4,
-        crops={"n_images": 6, "batch_size": 2, "size_px": 64, "box_px": 48.0},
+        crops={"n_images": 6, "batch_size": 2, "size_px": 64, "largest_box_px": 48.0},
         schedule={"average_decay": 0.9},
         data={"color_jitter": 0.2, "noise_sigma": 5.0},
     ).model_copy(update={"checkpoint_every_steps": 2})
@@ -379,8 +381,62 @@ def test_composed_pictures_become_samples() -> None:
     assert stream.describe() == {"made": "here"}
 
 
+def test_folders_of_a_dataset_are_read_as_one(tmp_path: Path) -> None:
+    root = tmp_path / "houses"
+    for name, n_images in (("house_1", 2), ("house_2", 3)):
+        write_folder(root / name, n_images)
+    stream = CocoStream(root, seed=None)
+    assert (stream.n_images, stream.name) == (5, "houses")
+    assert np.array_equal(stream.read(3).image, draw_image(1)[0])
+    content = json.loads((root / "house_2/annotations.json").read_text())
+    content["categories"][0]["symmetry"] = "full"
+    (root / "house_2/annotations.json").write_text(json.dumps(content))
+    with pytest.raises(DataError, match="house_2"):
+        CocoStream(root)
+
+
+def test_folders_are_mixed_by_their_shares(folder: Path, tmp_path: Path) -> None:
+    other = CocoStream(write_folder(tmp_path / "other", 3))
+    first = CocoStream(folder)
+    mixed = MixedStream([first, other], (3.0, 1.0), seed=5)
+    own = [bytes(mixed[draw].image) for draw in range(200)]
+    from_first = [bytes(first[draw].image) == image for draw, image in enumerate(own)]
+    from_other = [bytes(other[draw].image) == image for draw, image in enumerate(own)]
+    assert all(a or b for a, b in zip(from_first, from_other, strict=True))
+    again = MixedStream([first, other], (3.0, 1.0), seed=5)
+    assert [bytes(again[draw].image) for draw in range(200)] == own
+    told_apart = [a for a, b in zip(from_first, from_other, strict=True) if a != b]
+    assert 0.65 < np.mean(told_apart) < 0.85
+    assert [part["share"] for part in mixed.describe()["mixture"]] == [0.75, 0.25]
+    with pytest.raises(ConfigError, match=r"data\.shares: expected one per --data, 2"):
+        MixedStream([first, other], (1.0,))
+    odd = ComposedStream(first.read, ("ring", "box"), (1, 1), {"folder": "odd"})
+    with pytest.raises(ConfigError, match="eight and odd name different classes"):
+        MixedStream([first, odd])
+
+
+def test_siblings_learn_along(folder: Path, tmp_path: Path) -> None:
+    """Three detectors from one training; each knows its own grid, and each has learnt."""
+    siblings = [
+        {"name": "two", "grid": {"n_azimuths": 2, "elevations_deg": [30.0]}},
+        {"name": "none", "grid": {"n_azimuths": 1, "elevations_deg": []}},
+    ]
+    recipe = Recipe.model_validate({**make_recipe(60).model_dump(), "siblings": siblings})
+    train(recipe, CocoStream(folder), tmp_path, CocoStream(folder, seed=None))
+    for name, n_azimuths in (("tiny", N), ("two", 2), ("none", 1)):
+        detector = load_detector(tmp_path / f"{name}.safetensors")
+        assert detector.card.n_azimuths == n_azimuths
+        figures = detector.card.figures["validation"]
+        assert figures["mean_ap_voc07_11pt"] > 0.9
+        assert figures["azimuth_exact"] > 0.9
+    body = [load_detector(tmp_path / f"{n}.safetensors").network for n in ("tiny", "none")]
+    assert torch.equal(body[0].box_regressor.weight, body[1].box_regressor.weight)
+    with pytest.raises(ValueError, match="names of their own"):
+        Recipe.model_validate({**recipe.model_dump(), "name": "two"})
+
+
 def test_crops_show_the_object_under_its_box(folder: Path) -> None:
-    recipe = make_recipe(1, crops={"size_px": 64, "box_px": 48.0, "jitter": 0.0})
+    recipe = make_recipe(1, crops={"size_px": 64, "largest_box_px": 48.0, "jitter": 0.0})
     sample = CocoStream(folder, seed=None).read(2)
     ignored = Sample(**{**vars(sample), "is_ignored": np.array([False, True])})
     for given, expected in ((sample, [0, 1]), (ignored, [0])):
@@ -394,12 +450,75 @@ def test_crops_show_the_object_under_its_box(folder: Path) -> None:
         assert batch.class_ids.tolist() == expected
         assert batch.crops.shape == (len(expected), 64, 64, 3)
     for crop, roi, k in zip(batch.crops.numpy(), batch.rois.numpy(), batch.class_ids, strict=True):
-        assert roi[2] - roi[0] == pytest.approx(48, abs=1e-3)
+        left, _, right, _ = sample.boxes[list(sample.class_ids).index(k)]
+        assert roi[2] - roi[0] == pytest.approx(right - left, abs=1e-3)  # its own scale
         colored = np.abs(crop.astype(int) - COLORS[k]).sum(axis=2) < 30
         colored |= crop.min(axis=2) > 225
         rows, columns = np.nonzero(colored)
         edges = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
         np.testing.assert_allclose(edges, roi, atol=1.2)
+
+
+def test_crops_shrink_what_is_too_large(folder: Path) -> None:
+    recipe = make_recipe(1, crops={"size_px": 64, "largest_box_px": 16.0, "jitter": 0.0})
+    sample = CocoStream(folder, seed=None).read(2)
+    views = ViewTargets(recipe.grid.grid())
+    batch = cut_crops(sample, sample.image, views, recipe.crops, np.random.default_rng(0))
+    sides = (batch.rois[:, 2:] - batch.rois[:, :2]).numpy()
+    np.testing.assert_allclose(sides, 16.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 1.7])
+def test_windows_show_the_object_under_its_box(folder: Path, scale: float) -> None:
+    sample = CocoStream(folder, seed=None).read(2)
+    whole = 0
+    for seed in range(20):
+        window = cut_window(sample, (64, 64), scale, np.random.default_rng(seed))
+        assert window.image.shape == (64, 64, 3)
+        assert len(window.boxes) >= 1  # always around an object
+        counted = np.flatnonzero(~window.is_ignored)
+        for box, k in zip(window.boxes[counted], window.class_ids[counted], strict=True):
+            colored = np.abs(window.image.astype(int) - COLORS[k]).sum(axis=2) < 30
+            rows, columns = np.nonzero(colored | (window.image.min(axis=2) > 225))
+            inside = (columns >= box[0] - 1) & (columns < box[2] + 1)
+            inside &= (rows >= box[1] - 1) & (rows < box[3] + 1)
+            edges = np.array(
+                [columns[inside].min(), rows[inside].min(), columns[inside].max() + 1,
+                 rows[inside].max() + 1]
+            )  # fmt: skip
+            np.testing.assert_allclose(edges, box, atol=2.5 * max(scale, 1))
+            whole += 1
+    assert whole >= 10
+
+
+def test_a_window_ignores_what_it_cuts_off() -> None:
+    sample = Sample(
+        np.zeros((100, 200, 3), np.uint8),
+        np.array([[10, 10, 50, 50], [60, 10, 100, 50], [150, 10, 190, 50]], np.float32),
+        np.array([0, 1, 2]),
+        np.zeros(3, np.float32),
+        np.zeros(3, np.float32),
+        np.zeros(3, np.bool_),
+    )
+    seen = set()
+    for seed in range(60):
+        window = cut_window(sample, (64, 64), 1.0, np.random.default_rng(seed))
+        for box, k, ignored in zip(window.boxes, window.class_ids, window.is_ignored, strict=True):
+            shown = (box[2] - box[0]) * (box[3] - box[1]) / 1600
+            assert ignored == (shown < 0.75)
+            assert shown > 0.05
+            seen.add((int(k), bool(ignored)))
+    assert {(0, False), (1, False), (2, False), (0, True)} <= seen
+
+
+def test_a_small_image_fills_its_window() -> None:
+    sample = Sample(
+        np.full((30, 40, 3), 200, np.uint8), np.array([[10, 10, 20, 20]], np.float32),
+        np.array([0]), np.zeros(1, np.float32), np.zeros(1, np.float32), np.zeros(1, np.bool_),
+    )  # fmt: skip
+    window = cut_window(sample, (80, 60), 1.0, np.random.default_rng(0))
+    assert window.image.min() == 200
+    np.testing.assert_allclose(window.boxes, [[20, 20, 40, 40]])
 
 
 def test_color_changes_are_chance_of_the_generator_given() -> None:
@@ -433,6 +552,27 @@ def test_shipped_recipes_say_what_they_should() -> None:
     assert flat.n_steps == light.n_steps
 
 
+def test_a_recipe_says_only_what_differs_from_its_base(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('base = "light"\nname = "mine"\n[schedule]\nlearning_rate = 0.5\n')
+    mine, light = load_recipe(path).model_dump(), load_recipe("light").model_dump()
+    assert (mine.pop("name"), light.pop("name")) == ("mine", "light")
+    rates = (mine["schedule"].pop("learning_rate"), light["schedule"].pop("learning_rate"))
+    assert rates == (0.5, 0.01)
+    assert mine == light
+    path.write_text('base = "lihgt"\n')
+    with pytest.raises(ConfigError, match="Did you mean 'light'"):
+        load_recipe(path)
+
+
+def test_the_shipped_detectors_can_be_trained_anew() -> None:
+    recipe = load_recipe(Path(__file__).parents[2] / "pipelines/training/robot17.toml")
+    names = ["robot17_3x16", "robot17_3x8", "robot17_noview"]
+    assert [variant.name for variant in recipe.variants()] == names
+    n_scores = [variant.card(tuple(OBJECTS), {}, {}).n_scores for variant in recipe.variants()]
+    assert n_scores == [17 * 3 * 16, 17 * 3 * 8, 17]
+
+
 @pytest.mark.parametrize(
     ("name", "settings", "said"),
     [
@@ -440,7 +580,7 @@ def test_shipped_recipes_say_what_they_should() -> None:
         ("light", ("schedule.learning_rte=1",), "Did you mean 'learning_rate'"),
         ("light", ("schedule.decay=steps",), "decay_after_epochs"),
         ("light", ("grid.elevations_deg=[]",), "elevations_deg"),
-        ("light", ("crops.box_px=200",), "box_px"),
+        ("light", ("crops.largest_box_px=200",), "largest_box_px"),
         ("none.toml", (), "no such file"),
     ],
 )

@@ -39,7 +39,7 @@ def score_losses(logits: Tensor, class_ids: Tensor, views: Tensor) -> ScoreLosse
     """
     n_rois = max(len(logits), 1)
     log_p = torch.log_softmax(logits, dim=1)
-    n_classes = logits.shape[1] // views.shape[1]
+    n_classes = (logits.shape[1] - 1) // views.shape[1]
     joint = log_p[:, :-1].reshape(len(log_p), n_classes, views.shape[1])  # (R, K, M·N)
     log_class = torch.cat([joint.logsumexp(dim=2), log_p[:, -1:]], dim=1)
     class_loss = functional.nll_loss(log_class, class_ids, reduction="sum") / n_rois

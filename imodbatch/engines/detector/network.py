@@ -48,6 +48,7 @@ class MultiViewFasterRCNN(nn.Module):
         roi_pool: features and boxes to (R, fpn_channels, roi_size, roi_size).
         trunk: pooled RoIs to (R, head_width).
         head: (R, head_width) to (R, K·M·N + 1) logits, background last.
+        siblings: heads of other viewpoint grids, trained along; none in a finished detector.
         box_regressor: (R, head_width) to (R, 4) box deltas, the same for all classes.
         box_coder: deltas to boxes and back.
     """
@@ -68,16 +69,17 @@ class MultiViewFasterRCNN(nn.Module):
         n_pooled = architecture.fpn_channels * architecture.roi_size**2
         self.trunk = TwoMLPHead(n_pooled, architecture.head_width)
         self.head = build_head(card)
+        self.siblings = nn.ModuleList()
         self.box_regressor = nn.Linear(architecture.head_width, 4)
         self.box_coder = BoxCoder(BOX_CODE_WEIGHTS)
 
-    def score_rois(
+    def roi_features(
         self,
         levels: dict[str, Tensor],
         rois: list[Tensor],
         image_sizes: list[tuple[int, int]],
-    ) -> tuple[Tensor, Tensor]:
-        """Pool RoIs and score them: the second stage, shared by inference and training.
+    ) -> Tensor:
+        """Pool RoIs: the second stage, shared by inference and training.
 
         Args:
             levels: the feature pyramid of a batch.
@@ -85,9 +87,23 @@ class MultiViewFasterRCNN(nn.Module):
             image_sizes: per image (height, width) after resizing, before padding.
 
         Returns:
+            (ΣR, head_width), from which `head` and `box_regressor` go on.
+        """
+        features: Tensor = self.trunk(self.roi_pool(levels, rois, image_sizes))
+        return features
+
+    def score_rois(
+        self,
+        levels: dict[str, Tensor],
+        rois: list[Tensor],
+        image_sizes: list[tuple[int, int]],
+    ) -> tuple[Tensor, Tensor]:
+        """Pool RoIs and score them; arguments as of `roi_features`.
+
+        Returns:
             logits (ΣR, K·M·N + 1), background last, and box deltas (ΣR, 4).
         """
-        features = self.trunk(self.roi_pool(levels, rois, image_sizes))
+        features = self.roi_features(levels, rois, image_sizes)
         return self.head(features), self.box_regressor(features)
 
     def forward(self, images: list[Tensor]) -> list[ScoredRois]:

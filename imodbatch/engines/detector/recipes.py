@@ -2,7 +2,8 @@
 
 Two recipes come with the package: `paper` (Konno et al. 2020, Sec. 3.3: ResNet-101, one flat
 softmax, for a GPU) and `light` (for two CPU cores). Their comments give the reasons. A recipe of
-one's own is a copy of one of them. No torch is imported here.
+one's own is a copy of one of them, or says ``base = "light"`` and what differs. No torch is
+imported here.
 """
 
 import math
@@ -46,9 +47,18 @@ class StartSection(StrictModel):
 
 
 class DataSection(StrictModel):
-    """How images are fed."""
+    """How images are fed.
+
+    With a window, a training sees a random part of each image at the scale of the image itself,
+    while the finished detector sees whole images of `image_size`: small, crowded pictures teach the
+    same objects for a fraction of the time. `scale_range` resizes an image before (log-uniform).
+    `shares` says how often each of several data folders is drawn from; empty = equally often.
+    """
 
     batch_size: Count = 4
+    window_size: tuple[Count, Count] | None = None
+    scale_range: tuple[Positive, Positive] = (1.0, 1.0)
+    shares: tuple[Positive, ...] = ()
     n_workers: Annotated[int, Field(ge=0)] = 1
     color_jitter: Fraction = 0.0
     noise_sigma: Annotated[float, Field(ge=0, le=100)] = 0.0
@@ -66,33 +76,42 @@ class TargetsSection(StrictModel):
     proposals_per_image: Count = 1000
 
 
-class ScheduleSection(StrictModel):
-    """The optimiser (momentum SGD) and its learning rate.
+class OptimiserSection(StrictModel):
+    """How the weights move; each phase has an optimiser of its own. `momentum` is SGD's."""
+
+    optimiser: Literal["sgd", "adamw"] = "sgd"
+    learning_rate: Positive = 0.02
+    momentum: Annotated[float, Field(ge=0, lt=1)] = 0.9
+    weight_decay: NotNegative = 1e-4
+    max_gradient_norm: NotNegative = 0.0
+
+
+class ScheduleSection(OptimiserSection):
+    """The optimiser of phase 2, and how its learning rate goes.
 
     An epoch is `images_per_epoch` draws, whatever the number of files.
     """
 
-    learning_rate: Positive = 0.02
-    momentum: Annotated[float, Field(ge=0, lt=1)] = 0.9
-    weight_decay: NotNegative = 1e-4
     images_per_epoch: Count = 18000
     n_epochs: Positive = 1.0
     warmup_steps: Annotated[int, Field(ge=0)] = 0
     decay: Literal["cosine", "steps"] = "cosine"
     decay_after_epochs: tuple[Positive, ...] = ()
-    max_gradient_norm: NotNegative = 0.0
     average_decay: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
 
-class CropsSection(StrictModel):
-    """Phase 1: practice of the score head on object crops; 0 images = none."""
+class CropsSection(OptimiserSection):
+    """Phase 1: practice of the score head on object crops; 0 images = none.
+
+    A crop shows the object at its own scale, but for one larger than `largest_box_px`.
+    """
 
     n_images: Annotated[int, Field(ge=0)] = 0
     batch_size: Count = 8
     size_px: Annotated[int, Field(ge=32, multiple_of=32)] = 128
-    box_px: Annotated[float, Field(gt=8)] = 96.0
+    largest_box_px: Annotated[float, Field(gt=8)] = 96.0
     jitter: Annotated[float, Field(ge=0, le=0.5)] = 0.1
-    learning_rate: Positive = 0.02
+    view_weight: NotNegative = 1.0
 
 
 class ValidationSection(StrictModel):
@@ -102,6 +121,17 @@ class ValidationSection(StrictModel):
     max_images: Annotated[int, Field(ge=0)] = 200
     score_threshold: Fraction = 0.02
     nms_iou: Fraction = 0.7
+
+
+class Sibling(StrictModel):
+    """A detector with another viewpoint grid that is trained along.
+
+    It shares everything with the main one but the score head, so both have learnt from the same
+    images in the same steps.
+    """
+
+    name: Annotated[str, Field(min_length=1)]
+    grid: GridSection
 
 
 class Recipe(StrictModel):
@@ -114,6 +144,7 @@ class Recipe(StrictModel):
     checkpoint_every_steps: Count = 200
     architecture: Architecture
     grid: GridSection = GridSection()
+    siblings: tuple[Sibling, ...] = ()
     start: StartSection = StartSection()
     data: DataSection = DataSection()
     targets: TargetsSection = TargetsSection()
@@ -126,11 +157,25 @@ class Recipe(StrictModel):
         schedule = self.schedule
         if (schedule.decay == "steps") != bool(schedule.decay_after_epochs):
             raise ValueError('schedule.decay_after_epochs goes with schedule.decay = "steps"')
-        if self.crops.box_px >= self.crops.size_px:
-            raise ValueError("crops.box_px must be smaller than crops.size_px")
+        if self.crops.largest_box_px >= self.crops.size_px:
+            raise ValueError("crops.largest_box_px must be smaller than crops.size_px")
+        smallest, largest = self.data.scale_range
+        if smallest > largest:
+            raise ValueError("data.scale_range must name the smaller factor first")
         if self.grid.n_azimuths > 1 and not self.grid.elevations_deg:
             raise ValueError("grid.elevations_deg must list an angle when n_azimuths is not 1")
+        names = [variant.name for variant in self.variants()]
+        if len(set(names)) < len(names):
+            raise ValueError("siblings must have names of their own")
         return self
+
+    def variants(self) -> "list[Recipe]":
+        """This recipe, then one per sibling with its name and grid."""
+        siblings = [
+            self.model_copy(update={"name": s.name, "grid": s.grid, "siblings": ()})
+            for s in self.siblings
+        ]
+        return [self, *siblings]
 
     @property
     def n_crop_steps(self) -> int:
@@ -204,7 +249,25 @@ def load_recipe(name_or_path: str | Path, settings: tuple[str, ...] = ()) -> Rec
         path = Path(name_or_path)
         if not path.suffix and not path.exists():
             raise ConfigError(f"{name}: no such recipe.{did_you_mean(name, SHIPPED)}")
-    return validate(Recipe, apply_settings(read_toml(path), settings), str(path))
+    return validate(Recipe, apply_settings(_read(path), settings), str(path))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """A recipe's content, laid over that of its base if it names one."""
+    own = read_toml(path)
+    base = own.pop("base", None)
+    if base is None:
+        return own
+    if base not in SHIPPED:
+        raise ConfigError(f"{path}: base: no such recipe.{did_you_mean(str(base), SHIPPED)}")
+    content = read_toml(FOLDER / f"training_{base}.toml")
+    for key, value in own.items():
+        inherited = content.get(key)
+        if isinstance(value, dict) and isinstance(inherited, dict):
+            content[key] = {**inherited, **value}
+        else:
+            content[key] = value
+    return content
 
 
 def first_difference(ours: dict[str, Any], theirs: dict[str, Any], prefix: str = "") -> str:

@@ -1,4 +1,4 @@
-"""Batches from a stream: colour augmentation, targets, and crops of the objects for phase 1.
+"""Batches from a stream: colour augmentation, windows, targets, and object crops for phase 1.
 
 Each sample's augmentation has a random generator of its own, seeded by the recipe's seed and the
 number of the draw. So a batch does not depend on which worker makes it, or on how many there are.
@@ -15,12 +15,21 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
+from imodbatch.core.boxes import area, clip
 from imodbatch.engines.detector.recipes import CropsSection, DataSection
 from imodbatch.engines.detector.training_samples import Sample, Stream
-from imodbatch.engines.detector.training_targets import ImageTargets, ViewTargets, image_targets
+from imodbatch.engines.detector.training_targets import (
+    ImageTargets,
+    JointViewTargets,
+    ViewTargets,
+    image_targets,
+)
 
 SMALLEST_CROP_PX = 12.0  # an object of fewer pixels shows no side
 GREY = (127, 127, 127)
+BARELY_SHOWN = 0.05
+MOSTLY_SHOWN = 0.75
+"""Shares of a box that lie in a window."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +56,7 @@ class Draws(Dataset[ImageBatch | CropBatch]):
     def __init__(
         self,
         stream: Stream,
-        view_targets: ViewTargets,
+        view_targets: ViewTargets | JointViewTargets,
         data: DataSection,
         seed: int,
         crops: CropsSection | None = None,
@@ -60,6 +69,9 @@ class Draws(Dataset[ImageBatch | CropBatch]):
         """Make draw number `draw`."""
         rng = np.random.default_rng((self._seed, draw))
         sample = self._stream[draw]
+        if self._data.window_size is not None:
+            scale = _log_uniform(self._data.scale_range, rng)
+            sample = cut_window(sample, self._data.window_size, scale, rng)
         image = change_colors(sample.image, self._data.color_jitter, self._data.noise_sigma, rng)
         if self._crops is not None:
             return cut_crops(sample, image, self._view_targets, self._crops, rng)
@@ -159,16 +171,77 @@ def change_colors(
     return np.asarray(changed, dtype=np.uint8)
 
 
+def cut_window(
+    sample: Sample, size: tuple[int, int], scale: float, rng: np.random.Generator
+) -> Sample:
+    """Resize an image and cut a window out that shows one of its objects, if it has any.
+
+    Args:
+        sample: image and truth.
+        size: (width, height) of the window, pixels.
+        scale: by which the image is resized before; more if it would not fill the window.
+        rng: where chance comes from.
+
+    Returns:
+        The window. Boxes are clipped to it; one that lies outside by more than a quarter is
+        ignored, one that barely shows is left out.
+    """
+    height, width = sample.image.shape[:2]
+    scale = max(scale, size[0] / width, size[1] / height)
+    boxes = sample.boxes.astype(np.float64) * scale
+    corner = _window_corner(sample, boxes, size, scale, rng)
+    matrix = np.array([[scale, 0, 0.5 * scale - 0.5], [0, scale, 0.5 * scale - 0.5]])
+    matrix[:, 2] -= corner
+    how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    image = cv2.warpAffine(sample.image, matrix, size, flags=how, borderMode=cv2.BORDER_REPLICATE)
+    moved = boxes - np.tile(corner, 2)
+    clipped = clip(moved, *size)
+    shown = area(clipped) / np.maximum(area(moved), 1e-9)
+    kept = shown > BARELY_SHOWN
+    return Sample(
+        image.astype(np.uint8),
+        clipped[kept].astype(np.float32),
+        sample.class_ids[kept],
+        sample.azimuth_rad[kept],
+        sample.elevation_rad[kept],
+        (sample.is_ignored | (shown < MOSTLY_SHOWN))[kept],
+    )
+
+
+def _window_corner(
+    sample: Sample,
+    boxes: NDArray[np.float64],
+    size: tuple[int, int],
+    scale: float,
+    rng: np.random.Generator,
+) -> NDArray[np.int64]:
+    """Where a window begins: somewhere around an object, within the image."""
+    room = np.array(sample.image.shape[1::-1]) * scale - np.array(size)
+    counted = np.flatnonzero(~sample.is_ignored)
+    if not len(counted):
+        return np.floor(rng.random(2) * np.maximum(room, 0)).astype(np.int64)
+    box = boxes[int(rng.choice(counted))]
+    first = box[2:] - np.array(size)  # the window ends where the object does
+    corner = first + rng.random(2) * (box[:2] - first)
+    return np.floor(np.clip(corner, 0, np.maximum(room, 0))).astype(np.int64)
+
+
+def _log_uniform(limits: tuple[float, float], rng: np.random.Generator) -> float:
+    low, high = np.log(limits)
+    return float(np.exp(rng.uniform(low, high)))
+
+
 def cut_crops(
     sample: Sample,
     image: NDArray[np.uint8],
-    view_targets: ViewTargets,
+    view_targets: ViewTargets | JointViewTargets,
     config: CropsSection,
     rng: np.random.Generator,
 ) -> CropBatch:
-    """Cut the objects of an image out, each scaled to about the same size.
+    """Cut the objects of an image out.
 
     The object does not fill its crop: the network sees its surroundings, as it will in an image.
+    It keeps its scale, so that it is as sharp as in an image, unless it is larger than wanted.
     The box handed on is the true one moved and scaled by up to `jitter`, as proposals are.
     """
     views = view_targets(sample)
@@ -178,9 +251,10 @@ def cut_crops(
         side = float((box[2:] - box[:2]).max())
         if sample.is_ignored[i] or side < SMALLEST_CROP_PX:
             continue
-        scale = config.box_px / side * (1 + rng.uniform(-config.jitter, config.jitter))
+        scale = min(1.0, config.largest_box_px / side)
         centre = (box[:2] + box[2:]) / 2
-        shift = size / 2 - centre * scale + rng.uniform(-0.1, 0.1, 2) * (size - config.box_px)
+        room = size - config.largest_box_px
+        shift = size / 2 - centre * scale + rng.uniform(-0.25, 0.25, 2) * room
         # OpenCV counts pixel centres from 0, ours are at +0.5.
         moved = shift + 0.5 * scale - 0.5
         matrix = np.array([[scale, 0, moved[0]], [0, scale, moved[1]]])

@@ -5,12 +5,14 @@ A training can be stopped at any step, by a time limit or by force, and resumed;
 the same weights as one that ran through. OUT holds
 
     checkpoint.pt                   everything needed to go on
-    <name>.safetensors, <name>.json the detector as it stands, rewritten at each validation
+    <name>.safetensors, <name>.json the detector as it stands, rewritten at each validation,
+                                    and each sibling's
     log.csv, events.jsonl, curves.svg
     azimuth_confusion.csv, .svg     of the last validation
 """
 
 import copy
+import math
 import time
 from collections import defaultdict
 from collections.abc import Callable
@@ -18,13 +20,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from imodbatch.engines.detector.checkpoint import save_checkpoint
 from imodbatch.engines.detector.inference import Detector
 from imodbatch.engines.detector.network import MultiViewFasterRCNN
-from imodbatch.engines.detector.recipes import Recipe
+from imodbatch.engines.detector.recipes import OptimiserSection, Recipe
 from imodbatch.engines.detector.training_loader import (
     CropBatch,
     Draws,
@@ -42,7 +45,7 @@ from imodbatch.engines.detector.training_losses import (
 from imodbatch.engines.detector.training_samples import CocoStream, Stream
 from imodbatch.engines.detector.training_start import set_training_mode, start_network
 from imodbatch.engines.detector.training_state import TrainingState, load_state, save_state
-from imodbatch.engines.detector.training_targets import ViewTargets
+from imodbatch.engines.detector.training_targets import JointViewTargets, ViewTargets
 from imodbatch.engines.detector.training_validation import Validation, validate_detector
 from imodbatch.errors import ConfigError
 
@@ -126,27 +129,33 @@ class _Run:
                 f"{out}: holds a training already. Add --resume to go on, or name another --out."
             )
         self.recipe, self.stream, self.out, self.validation = recipe, stream, out, validation
-        self.checkpoint, self.figures = checkpoint, dict[str, Any]()
+        self.checkpoint = checkpoint
+        self.figures: dict[str, dict[str, Any]] = {}  # by detector
         self.data: dict[str, Any] = {"training": stream.describe(), "classes": list(stream.classes)}
-        network = start_network(recipe.card(stream.classes, self.data, {}), recipe)
+        network = start_network(stream.classes, recipe)
         self.network = network
         learnt = {n: p for n, p in network.named_parameters() if p.requires_grad}
         average = {n: p.detach().clone() for n, p in learnt.items()}
         self.state = TrainingState(
             network,
-            _optimiser(learnt, recipe),
+            self._optimiser_at(0),
             average if recipe.schedule.average_decay else {},
         )
         if resume:
-            load_state(self.state, recipe, self.data, checkpoint)
+            load_state(self.state, recipe, self.data, checkpoint, self._optimiser_at)
         out.mkdir(parents=True, exist_ok=True)
         self.log = TrainingLog(out, self.state.step)
         self.log.add_event(self.state.step, "resumed" if resume else "started")
-        self.targets = ViewTargets(
-            recipe.grid.grid(),
-            torch.deg2rad(torch.tensor(recipe.targets.azimuth_sigma_deg)).item(),
-            torch.deg2rad(torch.tensor(recipe.targets.elevation_sigma_deg)).item(),
-            stream.symmetries if recipe.targets.use_symmetry else (),
+        self.targets = JointViewTargets(
+            tuple(
+                ViewTargets(
+                    variant.grid.grid(),
+                    math.radians(recipe.targets.azimuth_sigma_deg),
+                    math.radians(recipe.targets.elevation_sigma_deg),
+                    stream.symmetries if recipe.targets.use_symmetry else (),
+                )
+                for variant in recipe.variants()
+            )
         )
         self._sums: dict[str, float] = defaultdict(float)
 
@@ -154,6 +163,8 @@ class _Run:
         """Run the phase that the step is in, to its end or to the deadline."""
         recipe, state = self.recipe, self.state
         on_crops = state.step < recipe.n_crop_steps
+        if state.step == recipe.n_crop_steps:
+            state.optimiser = _optimiser(self.network, recipe.schedule)
         end = recipe.n_crop_steps if on_crops else recipe.n_steps
         set_training_mode(self.network, recipe.start)
         began = time.perf_counter()
@@ -166,18 +177,25 @@ class _Run:
                 progress(state.step, recipe.n_steps)
             is_last = state.step == recipe.n_steps
             if not on_crops and (is_last or self._is_due(recipe.validation.every_steps)):
-                self._validate()
+                self._validate(range(len(recipe.variants())) if is_last else range(1))
             if self._is_due(recipe.checkpoint_every_steps):
                 save_state(state, recipe, self.data, self.checkpoint)
             if time.monotonic() >= deadline:
                 return
             began = time.perf_counter()
 
+    def _optimiser_at(self, step: int) -> torch.optim.Optimizer:
+        """Make the optimiser that is in use when so many steps are done; each phase has its own."""
+        recipe = self.recipe
+        was_on_crops = 0 < recipe.n_crop_steps >= step
+        return _optimiser(self.network, recipe.crops if was_on_crops else recipe.schedule)
+
     def finish(self) -> Outcome:
         """Write checkpoint and detector, and say how it ended."""
         save_state(self.state, self.recipe, self.data, self.checkpoint)
         weights = self._export()
-        outcome = Outcome(weights, self.state.step, self.recipe.n_steps, self.figures)
+        figures = self.figures.get(self.recipe.name, {})
+        outcome = Outcome(weights, self.state.step, self.recipe.n_steps, figures)
         self.log.add_event(self.state.step, "done" if outcome.is_done else "stopped")
         self.log.plot()
         return outcome
@@ -199,11 +217,10 @@ class _Run:
         torch.manual_seed(recipe.seed * STEP_SEED_SPACING + state.step)
         began = time.perf_counter()
         losses = self._losses(batch)
+        is_crops = isinstance(batch, CropBatch)
+        view_weight = (recipe.crops if is_crops else recipe.targets).view_weight
         total = torch.stack(
-            [
-                loss * (recipe.targets.view_weight if name == "view" else 1.0)
-                for name, loss in losses.items()
-            ]
+            [loss * (view_weight if name == "view" else 1.0) for name, loss in losses.items()]
         ).sum()
         if not torch.isfinite(total):
             raise ConfigError(
@@ -217,16 +234,16 @@ class _Run:
         state.optimiser.zero_grad()
         if total.requires_grad:  # a batch of crops without an object has nothing to teach
             torch.autograd.backward(total)
-            if recipe.schedule.max_gradient_norm:
+            limit = (recipe.crops if is_crops else recipe.schedule).max_gradient_norm
+            if limit:
                 parameters = [p for g in state.optimiser.param_groups for p in g["params"]]
-                torch.nn.utils.clip_grad_norm_(parameters, recipe.schedule.max_gradient_norm)
+                torch.nn.utils.clip_grad_norm_(parameters, limit)
             state.optimiser.step()
         state.step += 1
         if state.average:
             state.update_average(recipe.schedule.average_decay)
         self._sums["forward"] += middle - began
         self._sums["backward"] += time.perf_counter() - middle
-        is_crops = isinstance(batch, CropBatch)
         self._sums["images"] += recipe.crops.batch_size if is_crops else recipe.data.batch_size
         self._sums["steps"] += 1
         for name, loss in losses.items():
@@ -246,6 +263,7 @@ class _Run:
             len(self.stream.classes),
             self.recipe.targets.rois_per_image,
             self.recipe.targets.object_fraction,
+            is_window=self.recipe.data.window_size is not None,
         )
 
     def _is_due(self, every: int) -> bool:
@@ -265,54 +283,64 @@ class _Run:
             row[f"{name}_s_per_image"] = f"{sums[name] / sums['images']:.4f}"
         self.log.add_row(row)
 
-    def _averaged(self) -> MultiViewFasterRCNN:
-        """Copy the network, with the averaged weights if there are."""
+    def _averaged(self, number: int) -> MultiViewFasterRCNN:
+        """Copy one of the detectors, the main one or a sibling, with averaged weights if any."""
         network = copy.deepcopy(self.network)
         average: dict[str, Tensor] = self.state.average
         network.load_state_dict(average, strict=False)
+        if number:
+            network.head = network.siblings[number - 1]
+        network.siblings = torch.nn.ModuleList()
         return network
 
-    def _validate(self) -> None:
+    def _validate(self, numbers: range) -> None:
+        """Try out some of the detectors, then write all."""
         if self.validation is None:
             return
-        config, recipe = self.recipe.validation, self.recipe
-        detector = Detector(self._averaged(), recipe.card(self.stream.classes, {}, {}))
-        limit = config.max_images or self.validation.n_images
-        numbers = range(min(limit, self.validation.n_images))
+        for number in numbers:
+            self._validate_one(number, self.validation)
+        self.log.plot()
+        self._export()
+
+    def _validate_one(self, number: int, validation: CocoStream) -> None:
+        config, recipe = self.recipe.validation, self.recipe.variants()[number]
+        detector = Detector(self._averaged(number), recipe.card(self.stream.classes, {}, {}))
+        limit = config.max_images or validation.n_images
+        spread = np.linspace(0, validation.n_images - 1, min(limit, validation.n_images))
         found: Validation = validate_detector(
             detector,
-            map(self.validation.read, numbers),
+            map(validation.read, spread.round().astype(int).tolist()),
             self.stream.classes,
             self.stream.symmetries,
             recipe.grid.grid(),
             config,
         )
-        self.figures = found.figures()
-        self.log.add_event(self.state.step, "validated", figures=self.figures)
-        write_confusions(found, self.out)
-        self.log.plot()
-        self._export()
+        figures = self.figures[recipe.name] = found.figures()
+        if number == 0:
+            self.log.add_event(self.state.step, "validated", figures=figures)
+            write_confusions(found, self.out)
 
     def _export(self) -> Path:
-        """Write the detector as it stands, for `load_detector`."""
-        figures: dict[str, Any] = {"n_steps": self.state.step}
-        if self.figures:
-            name = "validation" if self.validation is None else self.validation.path.parent.name
-            figures |= {"validation_set": name, "validation": self.figures}
-        card = self.recipe.card(self.stream.classes, self.data["training"], figures)
-        path = self.out / f"{self.recipe.name}.safetensors"
-        save_checkpoint(self._averaged(), card, path)
-        return path
+        """Write the detectors as they stand, for `load_detector`; returns the main one's file."""
+        paths = []
+        for number, recipe in enumerate(self.recipe.variants()):
+            figures: dict[str, Any] = {"n_steps": self.state.step}
+            if recipe.name in self.figures:
+                name = "validation" if self.validation is None else self.validation.name
+                figures |= {"validation_set": name, "validation": self.figures[recipe.name]}
+            card = recipe.card(self.stream.classes, self.data["training"], figures)
+            paths.append(self.out / f"{recipe.name}.safetensors")
+            save_checkpoint(self._averaged(number), card, paths[-1])
+        return paths[0]
 
 
-def _optimiser(learnt: dict[str, torch.nn.Parameter], recipe: Recipe) -> torch.optim.Optimizer:
-    """Momentum SGD; biases and normalisations are not pulled towards zero."""
-    flat = [p for p in learnt.values() if p.ndim <= 1]
-    deep = [p for p in learnt.values() if p.ndim > 1]
+def _optimiser(network: torch.nn.Module, section: OptimiserSection) -> torch.optim.Optimizer:
+    """Momentum SGD or AdamW; biases and normalisations are not pulled towards zero."""
+    learnt = [p for p in network.parameters() if p.requires_grad]
     groups = [
-        {"params": deep, "weight_decay": recipe.schedule.weight_decay},
-        {"params": flat, "weight_decay": 0.0},
+        {"params": [p for p in learnt if p.ndim > 1], "weight_decay": section.weight_decay},
+        {"params": [p for p in learnt if p.ndim <= 1], "weight_decay": 0.0},
     ]
-    return torch.optim.SGD(
-        groups, lr=recipe.schedule.learning_rate, momentum=recipe.schedule.momentum
-    )
+    if section.optimiser == "adamw":
+        return torch.optim.AdamW(groups, lr=section.learning_rate)
+    return torch.optim.SGD(groups, lr=section.learning_rate, momentum=section.momentum)

@@ -12,7 +12,7 @@ from torch import Tensor
 from torchvision.models.detection.image_list import ImageList
 from torchvision.models.detection.rpn import concat_box_prediction_layers
 
-from imodbatch.engines.detector.losses import box_loss, score_losses
+from imodbatch.engines.detector.losses import ScoreLosses, box_loss, score_losses
 from imodbatch.engines.detector.network import MultiViewFasterRCNN
 from imodbatch.engines.detector.training_targets import (
     ImageTargets,
@@ -31,8 +31,9 @@ def detection_losses(
     n_classes: int,
     n_rois: int,
     object_fraction: float,
+    is_window: bool = False,
 ) -> Losses:
-    """Compute all losses of a batch of whole images.
+    """Compute all losses of a batch of images.
 
     Args:
         network: in training mode.
@@ -41,12 +42,13 @@ def detection_losses(
         n_classes: K.
         n_rois: RoIs drawn per image.
         object_fraction: largest share of objects among them.
+        is_window: images are parts of larger ones and keep their scale.
 
     Returns:
         One scalar per name of `LOSS_NAMES`.
     """
     given = [(image.shape[-2], image.shape[-1]) for image in images]
-    batch, _ = network.transform(list(images))
+    batch = _normalised(network, images) if is_window else network.transform(list(images))[0]
     tensors = batch.tensors.contiguous(memory_format=torch.channels_last)
     batch = ImageList(tensors, batch.image_sizes)
     targets = [
@@ -60,9 +62,10 @@ def detection_losses(
         for found, target in zip(proposals, targets, strict=True)
     ]
     rois = [one.rois for one in drawn]
-    logits, deltas = network.score_rois(levels, rois, batch.image_sizes)
+    features = network.roi_features(levels, rois, batch.image_sizes)
+    deltas = network.box_regressor(features)
     class_ids = torch.cat([one.class_ids for one in drawn])
-    scores = score_losses(logits, class_ids, torch.cat([one.views for one in drawn]))
+    scores = _all_score_losses(network, features, class_ids, torch.cat([d.views for d in drawn]))
     wanted = torch.cat(network.box_coder.encode([one.boxes for one in drawn], rois))
     return losses | {
         "class": scores.class_loss,
@@ -85,7 +88,7 @@ def crop_losses(
         crops: (C, 3, S, S) float RGB in the range 0 to 1, S a multiple of 32.
         rois: (C, 4) the object's box in each crop.
         class_ids: (C,) categories.
-        views: (C, M·N) viewpoint distributions.
+        views: (C, ΣM·N) viewpoint distributions, the siblings' after the main head's.
 
     Returns:
         The entries "class" and "view" of `LOSS_NAMES`.
@@ -96,9 +99,35 @@ def crop_losses(
     normalised = ((crops - mean) / std).contiguous(memory_format=torch.channels_last)
     levels = network.backbone(normalised)
     size = (crops.shape[-2], crops.shape[-1])
-    logits, _ = network.score_rois(levels, list(rois[:, None]), [size] * len(crops))
-    scores = score_losses(logits, class_ids, views)
+    features = network.roi_features(levels, list(rois[:, None]), [size] * len(crops))
+    scores = _all_score_losses(network, features, class_ids, views)
     return {"class": scores.class_loss, "view": scores.view_loss}
+
+
+def _all_score_losses(
+    network: MultiViewFasterRCNN, features: Tensor, class_ids: Tensor, views: Tensor
+) -> ScoreLosses:
+    """Mean of the heads' losses: of the main one and its siblings."""
+    all_logits = [head(features) for head in (network.head, *network.siblings)]
+    n_scores = [logits.shape[1] - 1 for logits in all_logits]  # K·M·N
+    n_classes = sum(n_scores) // views.shape[1]
+    parts = torch.split_with_sizes(views, [n // n_classes for n in n_scores], dim=1)
+    losses = [
+        score_losses(logits, class_ids, part)
+        for logits, part in zip(all_logits, parts, strict=True)
+    ]
+    return ScoreLosses(
+        torch.stack([loss.class_loss for loss in losses]).mean(),
+        torch.stack([loss.view_loss for loss in losses]).mean(),
+    )
+
+
+def _normalised(network: MultiViewFasterRCNN, images: Sequence[Tensor]) -> ImageList:
+    """Make a batch as the network's transform does, without resizing."""
+    transform = network.transform
+    sizes = [(image.shape[-2], image.shape[-1]) for image in images]
+    tensors = [transform.normalize(image) for image in images]
+    return ImageList(transform.batch_images(tensors, transform.size_divisible), sizes)
 
 
 def _propose(

@@ -14,7 +14,7 @@ onto itself. Angles are kept continuous, so that one folder serves every viewpoi
 import json
 import math
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -22,7 +22,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.errors import DataError
+from imodbatch.errors import ConfigError, DataError
 from imodbatch.images import read_color
 
 Symmetry = int
@@ -154,6 +154,7 @@ class CocoStream:
     """The images of a COCO folder, shuffled anew in every round.
 
     Attributes:
+        path: the folder, or the JSON file that was named.
         classes: category names, by ascending id.
         symmetries: the symmetry of each.
         n_images: images in the folder.
@@ -163,39 +164,54 @@ class CocoStream:
         """Read the folder's JSON.
 
         Args:
-            folder: holds the images and one COCO JSON, or is that JSON's own path.
-            seed: of the shuffling; None = the order of the file.
+            folder: holds the images and one COCO JSON, or folders of that kind, such as the
+                sequences of `imodbatch simulate --world house`; or is a JSON file's own path.
+            seed: of the shuffling; None = the order of the files.
 
         Raises:
-            DataError: there is no such file, or it is not COCO's.
+            DataError: there is no such file, it is not COCO's, or two name different classes.
         """
-        self.path = _find_json(Path(folder))
-        self._root = self.path.parent
-        content = _read_json(self.path)
-        try:
-            self._read(content)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise DataError(
-                f"{self.path}: not COCO annotations: {type(error).__name__} {error}. "
-                f"Write it with `imodbatch synth`."
-            ) from None
+        self.path = Path(folder)
+        self.classes: tuple[str, ...] = ()
+        self.symmetries: tuple[Symmetry, ...] = ()
+        self._files: list[Path] = []
+        self._labels: list[_Labels] = []
+        for path in _find_jsons(self.path):
+            content = _read_json(path)
+            try:
+                self._read(content, path)
+            except (KeyError, TypeError, ValueError, AttributeError) as error:
+                raise DataError(
+                    f"{path}: not COCO annotations: {type(error).__name__} {error}. "
+                    f"Write it with `imodbatch synth`."
+                ) from None
         if not self._files:
             raise DataError(f"{self.path}: lists no images. Run `imodbatch synth` again.")
         self._seed = seed
         self._round: tuple[int, NDArray[np.int64]] = (-1, np.zeros(0, dtype=np.int64))
 
-    def _read(self, content: dict[str, Any]) -> None:
+    def _read(self, content: dict[str, Any], path: Path) -> None:
         categories = sorted(content["categories"], key=lambda category: int(category["id"]))
-        self.classes = tuple(str(category["name"]) for category in categories)
-        self.symmetries = tuple(
+        classes = tuple(str(category["name"]) for category in categories)
+        symmetries = tuple(
             parse_symmetry(category.get("symmetry", "none")) for category in categories
         )
+        if self._files and (classes, symmetries) != (self.classes, self.symmetries):
+            raise DataError(
+                f"{path}: its classes are not those of the files beside it. Make them the same."
+            )
+        self.classes, self.symmetries = classes, symmetries
         class_of = {category["id"]: k for k, category in enumerate(categories)}
         annotations: dict[Any, list[dict[str, Any]]] = defaultdict(list)
         for annotation in content["annotations"]:
             annotations[annotation["image_id"]].append(annotation)
-        self._files = [str(image["file_name"]) for image in content["images"]]
-        self._labels = [_labels(annotations[image["id"]], class_of) for image in content["images"]]
+        self._files += [path.parent / str(image["file_name"]) for image in content["images"]]
+        self._labels += [_labels(annotations[image["id"]], class_of) for image in content["images"]]
+
+    @property
+    def name(self) -> str:
+        """The folder's own name."""
+        return (self.path.parent if self.path.is_file() else self.path).resolve().name
 
     @property
     def n_images(self) -> int:
@@ -205,7 +221,7 @@ class CocoStream:
     def read(self, index: int) -> Sample:
         """Read the image at a position of the file."""
         boxes, class_ids, azimuth, elevation, ignored = self._labels[index]
-        image = read_color(self._root / self._files[index])
+        image = read_color(self._files[index])
         return Sample(image, boxes, class_ids, azimuth, elevation, ignored)
 
     def __getitem__(self, draw: int) -> Sample:
@@ -221,7 +237,58 @@ class CocoStream:
     def describe(self) -> dict[str, Any]:
         """What the card says of the data."""
         n_boxes = sum(len(labels[0]) for labels in self._labels)
-        return {"folder": self._root.name, "n_images": self.n_images, "n_boxes": n_boxes}
+        return {"folder": self.name, "n_images": self.n_images, "n_boxes": n_boxes}
+
+
+class MixedStream:
+    """Several streams of the same classes, drawn from by chance.
+
+    Attributes:
+        classes: the K category names.
+        symmetries: the symmetry of each.
+    """
+
+    def __init__(
+        self, streams: Sequence[Stream], shares: Sequence[float] = (), seed: int = 0
+    ) -> None:
+        """Keep the streams.
+
+        Args:
+            streams: at least one.
+            shares: how often each is drawn from, of any sum; empty = equally often.
+            seed: of the choice.
+
+        Raises:
+            ConfigError: the streams' classes differ, or there are not as many shares as streams.
+        """
+        first = streams[0]
+        for other in streams[1:]:
+            if (other.classes, other.symmetries) != (first.classes, first.symmetries):
+                raise ConfigError(
+                    f"--data: {first.describe()['folder']} and {other.describe()['folder']} name "
+                    f"different classes or symmetries. Make them the same, in the same order."
+                )
+        if shares and len(shares) != len(streams):
+            raise ConfigError(
+                f"data.shares: expected one per --data, {len(streams)} in all, found {len(shares)}."
+            )
+        self.classes, self.symmetries = first.classes, first.symmetries
+        self._streams = tuple(streams)
+        weights = np.array(shares or np.ones(len(streams)), dtype=np.float64)
+        self._shares = weights / weights.sum()
+        self._seed = seed
+
+    def __getitem__(self, draw: int) -> Sample:
+        """Make sample number `draw` of the stream that its number falls on."""
+        chosen = np.random.default_rng((self._seed, draw)).choice(
+            len(self._streams), p=self._shares
+        )
+        return self._streams[int(chosen)][draw]
+
+    def describe(self) -> dict[str, Any]:
+        """What the card says of the data."""
+        parts = zip(self._streams, self._shares.tolist(), strict=True)
+        return {"mixture": [{**s.describe(), "share": round(share, 4)} for s, share in parts]}
 
 
 def parse_symmetry(value: object) -> Symmetry:
@@ -268,11 +335,18 @@ def _radians(annotation: dict[str, Any], key: str) -> float:
     return math.nan if value is None else math.radians(float(value))
 
 
-def _find_json(path: Path) -> Path:
+def _find_jsons(path: Path) -> list[Path]:
+    """The file itself, the one of a folder, or the ones of the folders in it."""
     if path.is_file():
-        return path
+        return [path]
     if not path.is_dir():
         raise DataError(f"{path}: no such folder. Write one with `imodbatch synth`.")
+    inner = sorted(file for name in JSON_NAMES for file in path.glob(f"*/{name}"))
+    has_own = any((path / name).is_file() for name in JSON_NAMES)
+    return inner if inner and not has_own else [_find_json(path)]
+
+
+def _find_json(path: Path) -> Path:
     named = [path / name for name in JSON_NAMES if (path / name).is_file()]
     found = named or sorted(path.glob("*.json"))
     if len(found) != 1:

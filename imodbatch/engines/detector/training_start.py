@@ -6,18 +6,18 @@ import torch
 import torchvision
 from torch import Tensor, nn
 
-from imodbatch.engines.detector.card import DetectorCard
 from imodbatch.engines.detector.efficientnet_lite import imagenet_weights
+from imodbatch.engines.detector.heads import build_head
 from imodbatch.engines.detector.network import MultiViewFasterRCNN, build_detector
 from imodbatch.engines.detector.recipes import Recipe, StartSection
 
 
-def start_network(card: DetectorCard, recipe: Recipe) -> MultiViewFasterRCNN:
-    """Build the network that a training starts from.
+def start_network(classes: tuple[str, ...], recipe: Recipe) -> MultiViewFasterRCNN:
+    """Build the network that a training starts from, with its siblings' heads.
 
     Args:
-        card: of the network.
-        recipe: says where the weights come from and what is frozen.
+        classes: K names.
+        recipe: says what is built, where the weights come from and what is frozen.
 
     Returns:
         The network, channels last, ready for `set_training_mode`.
@@ -26,7 +26,9 @@ def start_network(card: DetectorCard, recipe: Recipe) -> MultiViewFasterRCNN:
         ConfigError: pretrained weights are wanted that are not installed.
     """
     torch.manual_seed(recipe.seed)
+    card, *others = [variant.card(classes, {}, {}) for variant in recipe.variants()]
     network = build_detector(card)
+    network.siblings.extend(build_head(other) for other in others)
     if recipe.start.weights == "imagenet":
         weights = _pretrained(card.architecture.backbone)
         body = network.backbone.body

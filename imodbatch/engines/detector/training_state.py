@@ -5,6 +5,7 @@ the step stands for the state of every random generator: a training that was sto
 ends with the same bits as one that ran through.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -62,8 +63,21 @@ def save_state(state: TrainingState, recipe: Recipe, data: dict[str, Any], path:
     partial.replace(path)
 
 
-def load_state(state: TrainingState, recipe: Recipe, data: dict[str, Any], path: Path) -> None:
+def load_state(
+    state: TrainingState,
+    recipe: Recipe,
+    data: dict[str, Any],
+    path: Path,
+    optimiser_at: Callable[[int], torch.optim.Optimizer],
+) -> None:
     """Read a checkpoint into a freshly built state.
+
+    Args:
+        state: to be filled.
+        recipe: that the checkpoint must come from.
+        data: likewise.
+        path: of the checkpoint.
+        optimiser_at: makes the optimiser that is in use when so many steps are done.
 
     Raises:
         ConfigError: it is not there or damaged, or the recipe or the data have changed since.
@@ -90,6 +104,7 @@ def load_state(state: TrainingState, recipe: Recipe, data: dict[str, Any], path:
                 f"Change it back, or start anew with another --out."
             )
     state.network.load_state_dict(content["network"])
+    state.optimiser = optimiser_at(content["step"])
     state.optimiser.load_state_dict(content["optimiser"])
     for name, value in state.average.items():
         value.copy_(content["average"][name])

@@ -93,6 +93,21 @@ class ViewTargets:
         return np.asarray(weights / weights.sum())
 
 
+@dataclass(frozen=True)
+class JointViewTargets:
+    """The distributions of several grids side by side, for heads that are trained together.
+
+    Attributes:
+        parts: of each grid, the main head's first.
+    """
+
+    parts: tuple[ViewTargets, ...]
+
+    def __call__(self, sample: Sample) -> Tensor:
+        """Give (n, ΣM·N) weights."""
+        return torch.cat([part(sample) for part in self.parts], dim=1)
+
+
 def _one_hot(index: int, n: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     weights = np.zeros(n)
     weights[index] = 1
@@ -116,7 +131,7 @@ class ImageTargets:
     ignored_boxes: Tensor
 
 
-def image_targets(sample: Sample, view_targets: ViewTargets) -> ImageTargets:
+def image_targets(sample: Sample, view_targets: ViewTargets | JointViewTargets) -> ImageTargets:
     """Part a sample's boxes into those that count and those that do not."""
     counts = torch.from_numpy(~np.asarray(sample.is_ignored, dtype=np.bool_))
     boxes = torch.from_numpy(np.asarray(sample.boxes, dtype=np.float32).reshape(-1, 4))
