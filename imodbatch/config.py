@@ -86,6 +86,7 @@ class FuseConfig(StrictModel):
     methods: tuple[Method, ...] = ("single", "naive", "naive_log", "imod")
     mode: Literal["online", "offline", "both"] = "both"
     cell_reduce: CellReduce = "mean"
+    takers: Literal["best", "all"] = "best"
     probability_floor: Annotated[float, Field(gt=0, lt=0.5)] = 1e-4
 
 

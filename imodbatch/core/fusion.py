@@ -14,6 +14,10 @@ never observed adds nothing, so h lies between 0 and the number of observed cell
 The formula printed in the paper shifts the index of the sum on both sides and does not depend on
 d; what is meant is the rule above, as in RotationNet by the same author.
 
+Of several boxes that one frame puts into one voxel, only the best enters the slot of a class; the
+others are mostly loose boxes round the same object. `best_of_moment` says which, so that they need
+not inherit the object's score either (`absent_score`).
+
 Baselines from the same boxes: ``single`` is the marginal over viewpoints; ``naive`` adds it up over
 the frames; ``naive_log`` adds up its log-odds, which takes views as independent.
 """
@@ -159,6 +163,39 @@ def fuse_modes(
             if has_pose:
                 result.pose_bin[rows] = totals.argmax(axis=-1)[known]
     return fused
+
+
+def best_of_moment(sightings: Sightings, candidates: Bools) -> Bools:
+    """Which box of a frame stands for what its voxel holds, class by class.
+
+    Args:
+        sightings: the placed boxes.
+        candidates: (V, K) boxes that are in the running for a class.
+
+    Returns:
+        (V, K), True for the candidate with the greatest marginal score in its voxel and frame, the
+        first when tied; at most one per voxel, frame and class.
+    """
+    scores = np.where(candidates, marginal(sightings.view_scores), -np.inf)
+    order = np.lexsort((np.arange(len(scores)), sightings.frame, sightings.voxel))
+    best = np.zeros(candidates.shape, dtype=np.bool_)
+    best[order] = _best_of_each_moment(
+        sightings.voxel[order], sightings.frame[order], scores[order]
+    )
+    return best & candidates
+
+
+def absent_score(method: Method, n_cells: Ints, probability_floor: float) -> Array:
+    """What a rule says of a class that no view has seen: no voxel's score is lower.
+
+    Args:
+        method: which rule; not ``single``.
+        n_cells: (…) views behind the score.
+        probability_floor: limit of the log-odds.
+    """
+    if method == "naive_log":
+        return (n_cells + 1) * log_odds(np.array([probability_floor]), probability_floor)
+    return np.zeros(n_cells.shape)
 
 
 def _blank(class_scores: Array) -> FusedScores:

@@ -1,6 +1,7 @@
 """From tables to the arrays that fusion takes: what `fuse` and `limits` share."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -8,7 +9,16 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from imodbatch.config import FuseConfig, ViewpointConfig
-from imodbatch.core.fusion import FusedScores, Method, Mode, Sightings, fuse_modes, marginal
+from imodbatch.core.fusion import (
+    FusedScores,
+    Method,
+    Mode,
+    Sightings,
+    absent_score,
+    best_of_moment,
+    fuse_modes,
+    marginal,
+)
 from imodbatch.core.voxels import group_labels
 from imodbatch.errors import DataError
 from imodbatch.stages.base import column, view_scores_of
@@ -107,6 +117,36 @@ def fuse_variants(sightings: Sightings, config: FuseConfig) -> dict[str, FusedSc
         )
         found |= {variant.name: by_mode[variant.mode] for variant in of_method}
     return {variant.name: found[variant.name] for variant in variants(config)}
+
+
+def stand_aside(
+    fused: Mapping[str, FusedScores],
+    sightings: Sightings,
+    survives: NDArray[np.bool_],
+    config: FuseConfig,
+) -> dict[str, FusedScores]:
+    """Leave a voxel's score to one box per frame and class, if `config.takers` says so.
+
+    Args:
+        fused: of `fuse_variants`.
+        sightings: the placed boxes, V of them.
+        survives: (V, K) classes that each box is a candidate for.
+        config: says who takes the score.
+
+    Returns:
+        The same, with the other candidates scored as if nothing had been seen.
+    """
+    if config.takers == "all":
+        return dict(fused)
+    stands = best_of_moment(sightings, survives)
+    found = {}
+    for variant in variants(config):
+        result = fused[variant.name]
+        if variant.method != "single":
+            absent = absent_score(variant.method, result.n_cells, config.probability_floor)
+            result = replace(result, score=np.where(stands, result.score, absent))
+        found[variant.name] = result
+    return found
 
 
 def everywhere(

@@ -18,6 +18,7 @@ from imodbatch.stages.evidence import (
     places_of,
     shaped_scores,
     sightings_of,
+    stand_aside,
     survival,
     voxels_of,
 )
@@ -44,11 +45,12 @@ def run(
     seen = observations.take(placed)
     moments = column(seen, "frame_index")
     sightings = sightings_of(seen, scores[placed], voxels_of(seen), moments)
-    box, class_id = np.nonzero(survival(detections, n_classes))
+    survives = survival(detections, n_classes)
+    box, class_id = np.nonzero(survives)
     fused = fuse_variants(sightings, config)
     parts = [
         _fused_rows(name, detections, box, class_id, everywhere(result, placed, scores))
-        for name, result in fused.items()
+        for name, result in stand_aside(fused, sightings, survives[placed], config).items()
     ]
     final: dict[Method, FusedScores] = {
         method: fused.get(method + OFFLINE_SUFFIX)

@@ -41,6 +41,7 @@ from imodbatch.stages.evidence import (
     places_of,
     shaped_scores,
     sightings_of,
+    stand_aside,
     survival,
     voxels_of,
 )
@@ -90,9 +91,14 @@ class Evidence:
         return truth_of(self.annotations, image_numbers(self.frames, self.annotations))
 
     @cached_property
+    def survives(self) -> NDArray[np.bool_]:
+        """(n, K) for which classes each box is a candidate."""
+        return survival(self.detections, self.n_classes)
+
+    @cached_property
     def survivors(self) -> tuple[Ints, Ints]:
         """Box (D,) and class (D,) of every candidate."""
-        box, class_id = np.nonzero(survival(self.detections, self.n_classes))
+        box, class_id = np.nonzero(self.survives)
         return box, class_id
 
     @cached_property
@@ -126,13 +132,16 @@ class Evidence:
             seen, self.scores[self.placed], voxel_numbers[:, None], self.image[self.placed]
         )
         box, class_id = self.survivors
+        config = self.pipeline.fuse
+        fused = fuse_variants(sightings, config)
+        standing = stand_aside(fused, sightings, self.survives[self.placed], config)
         return {
             # rounded as the fused table stores them, so that ties are the same
-            name: everywhere(fused, self.placed, self.scores)
+            name: everywhere(result, self.placed, self.scores)
             .score[box, class_id]
             .astype(np.float32)
             .astype(np.float64)
-            for name, fused in fuse_variants(sightings, self.pipeline.fuse).items()
+            for name, result in standing.items()
         }
 
     def average_precisions(self, scores: Array, iou_percent: int) -> Array:
@@ -274,7 +283,7 @@ def _ceilings(evidence: Evidence) -> list[dict[str, Any]]:
     if chosen is None:
         return []
     usual, oracle = by_method[chosen], evidence.candidate_scores(_oracle_voxels(evidence))[chosen]
-    perfect = (evidence.overlaps.candidate_iou >= iou_percent / 100).astype(np.float64)
+    perfect = _best_boxes(evidence.overlaps, iou_percent / 100).astype(np.float64)
     counted = evidence.truth.counted(evidence.n_classes)
     rows = []
     for cause, values in (
@@ -288,6 +297,15 @@ def _ceilings(evidence: Evidence) -> list[dict[str, Any]]:
             for k, value in enumerate(values)
         ]
     return rows
+
+
+def _best_boxes(found: Overlaps, iou: float) -> NDArray[np.bool_]:
+    """(D,) the candidate that fits each annotation best, if well enough."""
+    is_best = np.zeros(len(found.candidate_iou), dtype=np.bool_)
+    order = np.argsort(-found.candidate_iou, kind="stable")
+    order = order[found.candidate_iou[order] >= iou]
+    is_best[order[np.unique(found.candidate_annotation[order], return_index=True)[1]]] = True
+    return is_best
 
 
 def _oracle_voxels(evidence: Evidence) -> Ints:

@@ -8,7 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from imodbatch.core.fusion import Sightings, fuse, log_odds, marginal, pose_votes
+from imodbatch.core.fusion import (
+    Sightings,
+    absent_score,
+    best_of_moment,
+    fuse,
+    log_odds,
+    marginal,
+    pose_votes,
+)
 from imodbatch.core.viewpoint import yaw_from_pose_bin
 
 REDUCES = ("mean", "max", "last")
@@ -429,3 +437,36 @@ def test_no_boxes(method, mode):
         nothing = sightings_of([], [], [], [], np.zeros((0, 4, *grid), dtype=np.float32))
         fused = fuse(nothing, method, mode)
         assert fused.score.shape == fused.pose_bin.shape == fused.n_cells.shape == (0, 4)
+
+
+def test_one_box_per_voxel_frame_and_class_stands_for_the_place():
+    scores = np.zeros((6, 2, 1, 1))
+    scores[:, 0, 0, 0] = [0.5, 0.9, 0.9, 0.4, 0.8, 0.3]
+    scores[:, 1, 0, 0] = [0.5, 0.1, 0.1, 0.6, 0.2, 0.3]
+    sightings = Sightings(
+        frame=np.array([0, 0, 0, 0, 1, 1]),
+        voxel=np.array([7, 7, 7, 3, 7, 7]),
+        azimuth_bin=np.zeros(6, dtype=int),
+        elevation_bin=np.zeros(6, dtype=int),
+        view_scores=scores,
+    )
+    candidates = np.ones((6, 2), dtype=bool)
+    candidates[4, 0] = candidates[5, 1] = candidates[3, 1] = False
+    stands = best_of_moment(sightings, candidates)
+    # Class 0: 1 ties with 2 and comes first; 3 is alone in its voxel; 4 is no candidate, so 5 is.
+    assert stands[:, 0].tolist() == [False, True, False, True, False, True]
+    assert stands[:, 1].tolist() == [True, False, False, False, True, False]
+
+
+@pytest.mark.parametrize("method", ["naive", "naive_log", "imod"])
+def test_nothing_scores_lower_than_what_was_never_seen(method):
+    rng = np.random.default_rng(3)
+    sightings = Sightings(
+        frame=np.arange(40),
+        voxel=np.zeros(40, dtype=int),
+        azimuth_bin=np.arange(40) % 4,
+        elevation_bin=np.zeros(40, dtype=int),
+        view_scores=rng.random((40, 2, 1, 4)) * 1e-6,  # as sure as can be that nothing is there
+    )
+    fused = fuse(sightings, method, "online")
+    assert (absent_score(method, fused.n_cells, 1e-4) <= fused.score).all()

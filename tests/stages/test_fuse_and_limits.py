@@ -10,7 +10,7 @@ from scene import CAMERA, GRID, make_scene
 from imodbatch.config import FuseConfig, LiftConfig, Pipeline, ScoreConfig, ViewpointConfig
 from imodbatch.core.frames import quaternion_from_matrix
 from imodbatch.errors import DataError
-from imodbatch.schemas import ANNOTATIONS, DETECTIONS, FRAMES, POSES
+from imodbatch.schemas import ANNOTATIONS, DETECTIONS, FRAMES, OBSERVATIONS, POSES
 from imodbatch.simulation.analytic.catalogue import CLASSES
 from imodbatch.stages import fuse, lift, limits
 from imodbatch.tables import from_columns, from_rows
@@ -228,3 +228,53 @@ def test_split_voxels_show(observations):
     for k in SCENE.class_id:
         assert shares["fine"][k] > shares["coarse"][k]
         assert shares["fine"][k] > 0.5
+
+
+def with_loose_boxes(detections, observations):
+    """Beside every box a looser one at the same place, less sure of the same class."""
+    loose = detections.to_pylist()
+    for row in loose:
+        row["detection_index"] += N_OBJECTS
+        row["x0_px"] -= 40
+        row["view_scores"] = [0.9 * score for score in row["view_scores"]]
+    places = observations.to_pylist()
+    for row in places:
+        row["detection_index"] += N_OBJECTS
+    return (
+        pa.concat_tables([detections, from_rows(DETECTIONS, loose)]),
+        pa.concat_tables([observations, from_rows(OBSERVATIONS, places)]),
+    )
+
+
+def test_loose_boxes_do_not_inherit_the_score_of_the_place(observations):
+    detections, places = with_loose_boxes(detections_table(), observations)
+    for takers in ("best", "all"):
+        result = fuse.run(
+            frames_table(), detections, places, len(CLASSES), VIEWPOINT, FuseConfig(takers=takers)
+        )
+        table = result.tables["fused"].to_pandas()
+        is_loose = table.detection_index >= N_OBJECTS
+        for method in ("naive", "imod", "imod_offline"):
+            loose = table[(table.method == method) & is_loose].score.to_numpy()
+            tight = table[(table.method == method) & ~is_loose].score.to_numpy()
+            assert (tight > 0).all()
+            assert np.array_equal(loose, np.zeros(len(loose)) if takers == "best" else tight)
+        single = table[(table.method == "single") & is_loose].score
+        assert (single > 0).all()  # single view knows no voxels
+    # what is there does not depend on who takes the score
+    plain = fuse.run(
+        frames_table(), detections, places, len(CLASSES), VIEWPOINT, FuseConfig(takers="all")
+    )
+    assert plain.tables["objects"].equals(result.tables["objects"])
+
+
+def test_the_ceiling_counts_one_box_per_object(observations):
+    detections, places = with_loose_boxes(detections_table(), observations)
+    pipeline = Pipeline(viewpoint=VIEWPOINT, lift=LIFT)
+    whole = limits.Evidence(
+        frames_table(), annotations_table(), detections, places, len(CLASSES), pipeline
+    )
+    table = limits.losses(whole, poses_table(), CLASSES).tables["losses"].to_pandas()
+    ceiling = table[(table.cause == "ap_perfect_ranking")].value.dropna()
+    assert len(ceiling)
+    assert (ceiling == 1).all()
