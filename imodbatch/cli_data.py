@@ -3,6 +3,7 @@
 Heavy libraries load inside the commands.
 """
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -264,11 +265,14 @@ def synth(
             )
         click.echo(f"synth rooms: {line}")
     recipe = Recipe(tuple(tables), tuple(pictures), grid, how, seed)
+    begin = time.perf_counter()
     with _bar("synth") as advance:
         summary = write_dataset(
             out, recipe, n, workers=workers, overwrite=overwrite, progress=advance
         )
-    click.echo(f"synth {out}: {summary}")
+    seconds = time.perf_counter() - begin
+    pace = f"; {summary.n_made / seconds:.1f} made per second" if summary.n_made else ""
+    click.echo(f"synth {out}: {summary}{pace}")
 
 
 @click.command()

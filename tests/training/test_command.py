@@ -39,6 +39,7 @@ def test_objects_in_two_lines(synth, tmp_path):
     assert views.startswith("synth views: 2 objects × 2 views = 4 = 4 rendered (")
     assert views.endswith(" per second) + 0 from cache")
     assert "3 pictures = 3 made + 0 there already" in pictures
+    assert pictures.endswith(" made per second")
     coco = json.loads((tmp_path / "out" / "annotations.json").read_text())
     assert [(c["name"], c["symmetry"]) for c in coco["categories"]] == [
         ("lego_red", 2), ("teacup", "full"),
