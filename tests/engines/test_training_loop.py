@@ -557,8 +557,7 @@ def test_a_recipe_says_only_what_differs_from_its_base(tmp_path: Path) -> None:
     path.write_text('base = "light"\nname = "mine"\n[schedule]\nlearning_rate = 0.5\n')
     mine, light = load_recipe(path).model_dump(), load_recipe("light").model_dump()
     assert (mine.pop("name"), light.pop("name")) == ("mine", "light")
-    rates = (mine["schedule"].pop("learning_rate"), light["schedule"].pop("learning_rate"))
-    assert rates == (0.5, 0.01)
+    assert mine["schedule"].pop("learning_rate") == 0.5 != light["schedule"].pop("learning_rate")
     assert mine == light
     path.write_text('base = "lihgt"\n')
     with pytest.raises(ConfigError, match="Did you mean 'light'"):
