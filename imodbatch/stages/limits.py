@@ -282,8 +282,8 @@ def _ceilings(evidence: Evidence) -> list[dict[str, Any]]:
     chosen = next((name for name in CEILING_METHODS if name in by_method), None)
     if chosen is None:
         return []
-    usual, oracle = by_method[chosen], evidence.candidate_scores(_oracle_voxels(evidence))[chosen]
-    perfect = _best_boxes(evidence.overlaps, iou_percent / 100).astype(np.float64)
+    usual, oracle = by_method[chosen], evidence.candidate_scores(oracle_voxels(evidence))[chosen]
+    perfect = best_boxes(evidence.overlaps, iou_percent / 100).astype(np.float64)
     counted = evidence.truth.counted(evidence.n_classes)
     rows = []
     for cause, values in (
@@ -299,7 +299,7 @@ def _ceilings(evidence: Evidence) -> list[dict[str, Any]]:
     return rows
 
 
-def _best_boxes(found: Overlaps, iou: float) -> NDArray[np.bool_]:
+def best_boxes(found: Overlaps, iou: float) -> NDArray[np.bool_]:
     """(D,) the candidate that fits each annotation best, if well enough."""
     is_best = np.zeros(len(found.candidate_iou), dtype=np.bool_)
     order = np.argsort(-found.candidate_iou, kind="stable")
@@ -308,7 +308,7 @@ def _best_boxes(found: Overlaps, iou: float) -> NDArray[np.bool_]:
     return is_best
 
 
-def _oracle_voxels(evidence: Evidence) -> Ints:
+def oracle_voxels(evidence: Evidence) -> Ints:
     """(V,) voxel numbers in which every sighting of an instance shares one voxel, alone."""
     numbers = evidence.own_voxels.copy()
     row_of_box = {int(box): row for row, box in enumerate(evidence.placed)}

@@ -9,14 +9,12 @@ placing      how large and where, and how much two objects may overlap
 blending     Gaussian edge, Poisson, motion blur; a shadow where the object stands
 photometry   what a cheap camera does to a picture
 composition  `Composer`: index → picture with labels, on the fly
-object_crops index → one object filling a small picture, for pretraining a view head
 dataset      pictures and COCO labels on disk: parallel, resumable
 """
 
 from imodbatch.training.composition import Composer, ComposeSettings, Picture, Recipe
 from imodbatch.training.cutouts import Cutouts, load_cutouts
 from imodbatch.training.dataset import Summary, write_dataset
-from imodbatch.training.object_crops import ObjectCrop, ObjectCrops
 from imodbatch.training.turntable import read_turntable
 from imodbatch.training.views import ViewSettings, prepare_views
 
@@ -24,8 +22,6 @@ __all__ = [
     "ComposeSettings",
     "Composer",
     "Cutouts",
-    "ObjectCrop",
-    "ObjectCrops",
     "Picture",
     "Recipe",
     "Summary",

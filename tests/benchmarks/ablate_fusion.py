@@ -18,7 +18,7 @@ from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.reporting.run_folder import open_run
 from imodbatch.schemas import TABLES
 from imodbatch.stages.evidence import sightings_of
-from imodbatch.stages.limits import Evidence, _best_boxes, _oracle_voxels
+from imodbatch.stages.limits import Evidence, best_boxes, oracle_voxels
 from imodbatch.tables import read_table, table_path
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def main(folder: Path, pipeline: Pipeline) -> None:
     evidence = Evidence(**tables, n_classes=len(run.classes), pipeline=pipeline)
     everyone = replace(evidence, pipeline=with_takers(pipeline, "all"))
     own = evidence.own_voxels
-    oracle = _oracle_voxels(evidence)
+    oracle = oracle_voxels(evidence)
     rows = {
         "as it is": aps(evidence, evidence.candidate_scores(own)),
         "every box takes its voxel's score": aps(evidence, everyone.candidate_scores(own)),
@@ -51,7 +51,7 @@ def main(folder: Path, pipeline: Pipeline) -> None:
         "own score × score per cell": aps(evidence, blended(evidence)),
     }
     iou = evidence.pipeline.score.iou_percents[0]
-    perfect = _best_boxes(evidence.overlaps, iou / 100).astype(np.float64)
+    perfect = best_boxes(evidence.overlaps, iou / 100).astype(np.float64)
     ceiling = evidence.average_precisions(perfect, iou)
     symmetric = symmetric_classes(tables["annotations"], len(run.classes))
     groups = {"symmetric classes": symmetric, "other classes": ~symmetric}

@@ -101,7 +101,7 @@ def test_light_becomes_a_picture_with_straight_alpha():
 def test_an_interpreter_or_blender_itself_runs_the_script():
     request = Path("request.json")
     assert command_of("python3.11", request) == ["python3.11", str(SCRIPT), "request.json"]
-    line = command_of("/opt/blender/blender", request)
+    line = command_of("programs/blender", request)
     assert line[1] == "--background"
     assert line[-3:] == [str(SCRIPT), "--", "request.json"]
 

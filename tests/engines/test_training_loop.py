@@ -4,7 +4,6 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,10 +19,8 @@ from imodbatch.engines.detector.training_log import read_events, read_rows
 from imodbatch.engines.detector.training_loop import train
 from imodbatch.engines.detector.training_samples import (
     CocoStream,
-    ComposedStream,
     MixedStream,
     Sample,
-    composed_stream,
     parse_symmetry,
 )
 from imodbatch.engines.detector.training_targets import ViewTargets
@@ -99,6 +96,14 @@ def write_folder(folder: Path, n_images: int) -> Path:
     }
     (folder / "annotations.json").write_text(json.dumps(content))
     return folder
+
+
+def with_other_names(folder: Path) -> CocoStream:
+    """The same images, in which box and ring have changed names."""
+    path = write_folder(folder, 2) / "annotations.json"
+    swapped = path.read_text().replace('"ring"', '"x"').replace('"box"', '"ring"')
+    path.write_text(swapped.replace('"x"', '"box"'))
+    return CocoStream(folder)
 
 
 def make_recipe(n_steps: int, **sections: dict[str, Any]) -> Recipe:
@@ -362,25 +367,6 @@ def test_symmetries_are_read() -> None:
             parse_symmetry(value)
 
 
-def test_composed_pictures_become_samples() -> None:
-    def compose(index: int) -> SimpleNamespace:
-        return SimpleNamespace(
-            image=np.full((2, 2, 3), index, dtype=np.uint8),
-            boxes=np.zeros((1, 4), dtype=np.float32),
-            class_ids=np.array([1]),
-            azimuth_rad=np.array([0.5], dtype=np.float32),
-            elevation_rad=np.array([0.25], dtype=np.float32),
-            ignore=np.array([True]),
-        )
-
-    compose.class_names, compose.symmetries = CLASSES, ("full", 2)  # type: ignore[attr-defined]
-    stream = composed_stream(compose, {"made": "here"})  # type: ignore[arg-type]
-    assert (stream.classes, stream.symmetries) == (CLASSES, (0, 2))
-    assert stream[7].image[0, 0, 0] == 7
-    assert stream[7].is_ignored.tolist() == [True]
-    assert stream.describe() == {"made": "here"}
-
-
 def test_folders_of_a_dataset_are_read_as_one(tmp_path: Path) -> None:
     root = tmp_path / "houses"
     for name, n_images in (("house_1", 2), ("house_2", 3)):
@@ -410,9 +396,8 @@ def test_folders_are_mixed_by_their_shares(folder: Path, tmp_path: Path) -> None
     assert [part["share"] for part in mixed.describe()["mixture"]] == [0.75, 0.25]
     with pytest.raises(ConfigError, match=r"data\.shares: expected one per --data, 2"):
         MixedStream([first, other], (1.0,))
-    odd = ComposedStream(first.read, ("ring", "box"), (1, 1), {"folder": "odd"})
     with pytest.raises(ConfigError, match="eight and odd name different classes"):
-        MixedStream([first, odd])
+        MixedStream([first, with_other_names(tmp_path / "odd")])
 
 
 def test_siblings_learn_along(folder: Path, tmp_path: Path) -> None:
@@ -590,5 +575,5 @@ def test_bad_recipes_are_one_line(name: str, settings: tuple[str, ...], said: st
 
 
 def test_classes_of_both_sets_must_agree(folder: Path, tmp_path: Path) -> None:
-    other = ComposedStream(CocoStream(folder).read, ("ring", "box"), (1, 1), {})
+    other = with_other_names(tmp_path / "odd")
     assert_refused("same order", make_recipe(1), other, tmp_path, CocoStream(folder))

@@ -1,4 +1,4 @@
-"""What a training learns from: images with boxes and viewpoints, from a folder or made on the fly.
+"""What a training learns from: images with boxes and viewpoints.
 
 Every source is a `Stream`: an endless, numbered row of samples. Draw number n is the same sample in
 every run, whichever worker process makes it, so a training that is resumed sees exactly the images
@@ -14,7 +14,7 @@ onto itself. Angles are kept continuous, so that one folder serves every viewpoi
 import json
 import math
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -72,82 +72,6 @@ class Stream(Protocol):
     def describe(self) -> dict[str, Any]:
         """What the card says of the data."""
         ...
-
-
-@dataclass(frozen=True)
-class ComposedStream:
-    """Samples made on the fly, in the loader's worker processes.
-
-    Attributes:
-        compose: number → sample; must depend on the number alone, and be picklable or forkable.
-        classes: the K category names.
-        symmetries: the symmetry of each.
-        description: for the card.
-    """
-
-    compose: Callable[[int], Sample]
-    classes: tuple[str, ...]
-    symmetries: tuple[Symmetry, ...]
-    description: dict[str, Any]
-
-    def __getitem__(self, draw: int) -> Sample:
-        """Make sample number `draw`."""
-        return self.compose(draw)
-
-    def describe(self) -> dict[str, Any]:
-        """What the card says of the data."""
-        return self.description
-
-
-class Picture(Protocol):
-    """What `imodbatch.training.composition` makes: a sample under other names, and more."""
-
-    image: NDArray[np.uint8]
-    boxes: NDArray[np.float32]
-    class_ids: NDArray[np.int64]
-    azimuth_rad: NDArray[np.float32]
-    elevation_rad: NDArray[np.float32]
-    ignore: NDArray[np.bool_]
-
-
-class Composer(Protocol):
-    """Pictures by number; symmetries as `parse_symmetry` reads them."""
-
-    class_names: tuple[str, ...]
-    symmetries: tuple[Any, ...]
-
-    def __call__(self, index: int) -> Any:
-        """Make `Picture` number `index`."""
-        ...
-
-
-@dataclass(frozen=True)
-class _AsSample:
-    """A composer seen as a maker of samples; a class, so that it can be pickled."""
-
-    composer: Composer
-
-    def __call__(self, draw: int) -> Sample:
-        picture: Picture = self.composer(draw)
-        return Sample(
-            image=picture.image,
-            boxes=picture.boxes,
-            class_ids=picture.class_ids,
-            azimuth_rad=picture.azimuth_rad,
-            elevation_rad=picture.elevation_rad,
-            is_ignored=picture.ignore,
-        )
-
-
-def composed_stream(composer: Composer, description: dict[str, Any]) -> ComposedStream:
-    """Make a stream of the pictures of `imodbatch.training.composition.Composer`.
-
-    Args:
-        composer: number → picture.
-        description: of the data, for the card.
-    """
-    symmetries = tuple(parse_symmetry(symmetry) for symmetry in composer.symmetries)
-    return ComposedStream(_AsSample(composer), composer.class_names, symmetries, description)
 
 
 class CocoStream:

@@ -229,7 +229,7 @@ def _check_is_ours(folder: Path) -> None:
     if not folder.exists():
         return
     if not folder.is_dir():
-        raise DataError(f"{folder}: is a file, expected a folder. Name another --out.")
+        raise DataError(f"{folder}: is a file, expected a folder. Name another.")
     files = {DONE, CAMERA_FILE, MANIFEST, MANIFEST_TRUE}
     ours = re.compile(r"house_\d+|\.house_\d+\.partial")
     names = sorted(path.name for path in folder.iterdir())
