@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 STAGE_HELP = {
     "index": "Dataset folder → frames, annotations.",
-    "poses": "frames + odometry → poses, in a world with +z up.",
+    "poses": "frames + odometry → poses, in a world with +z up, and how good they are.",
     "detect": "frames + detector (or its results file) → detections.",
     "lift": "frames + poses + detections → observations: each box gets a place in the world.",
     "fuse": "detections + observations → fused scores and objects.",
-    "score": "fused + annotations → matches, metrics, sweeps, losses.",
+    "score": "fused + annotations → matches, metrics, sweeps, losses, jitters.",
     "report": "All tables → one self-contained HTML page, with Markdown and CSV beside it.",
     "run": "All stages, from the dataset folder to the report.",
 }
@@ -159,23 +159,23 @@ def _plan(
     settings: tuple[str, ...],
 ) -> "Plan":
     from imodbatch.config import load_pipeline
+    from imodbatch.context import Context
     from imodbatch.errors import ConfigError
     from imodbatch.manifest import load_manifest
     from imodbatch.runner import Plan, default_run_dir
-    from imodbatch.wiring import Context
 
     checked = load_manifest(manifest)
-    context = Context(checked, load_pipeline(pipeline, settings))
     run_dir = (out or default_run_dir(checked.name, pipeline)).absolute()
     if run_dir.exists() and not run_dir.is_dir():
         raise ConfigError(f"{run_dir}: is a file, expected a folder. Name another --out.")
-    return Plan(context, run_dir, checked.sequences).choose(sequences)
+    context = Context(checked, load_pipeline(pipeline, settings), run_dir)
+    return Plan(context, checked.sequences).choose(sequences)
 
 
-def _warn_of_stale_inputs(plan: "Plan", stage: str) -> None:
+def _warn_of_stale_inputs(plan: "Plan", stage: str, with_itself: bool = False) -> None:
     from imodbatch.runner import stale_inputs
 
-    stale = stale_inputs(plan, stage)
+    stale = stale_inputs(plan, stage, with_itself)
     if stale:
         click.echo(
             f"imodbatch: warning: {', '.join(stale)} no longer fit these settings or files; "
@@ -232,6 +232,49 @@ def status(
     for outcome in states(plan):
         line = f"  {outcome.stage:8} {outcome.label:16} {outcome.state:11} {outcome.message}"
         click.echo(line.rstrip())
+
+
+@main.command()
+@MANIFEST
+@_common_options
+@click.option(
+    "--format",
+    "file_format",
+    type=click.Choice(["tum"]),
+    default="tum",
+    show_default=True,
+    help="Of the files: tum = stamp tx ty tz qx qy qz qw.",
+)
+@click.option(
+    "--to",
+    "folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    required=True,
+    metavar="DIR",
+    help="Where <sequence>.txt go.",
+)
+def export(
+    manifest: Path,
+    pipeline: Path | None,
+    out: Path | None,
+    sequences: tuple[str, ...],
+    settings: tuple[str, ...],
+    file_format: str,
+    folder: Path,
+) -> None:
+    """Finished poses → a trajectory file per sequence, for other tools to read.
+
+    \b
+    Example:
+      imodbatch export manifests/analytic.toml --to trajectories
+    """  # noqa: D301 (click wants the character, not a backslash)
+    from imodbatch.exporting import export_tum
+
+    del file_format  # there is one
+    plan = _plan(manifest, pipeline, out, sequences, settings)
+    _warn_of_stale_inputs(plan, "poses", with_itself=True)
+    for line in export_tum(plan, folder):
+        click.echo(f"export {line}")
 
 
 @main.command()

@@ -47,10 +47,10 @@ def compare(sources: tuple[Path, ...], resamples: int, out: Path | None) -> None
 def _run_folders(sources: tuple[Path, ...]) -> list[Path]:
     """The run folders meant: as named, or where `run` puts those of a manifest and a pipeline."""
     from imodbatch.config import load_pipeline
+    from imodbatch.context import Context
     from imodbatch.errors import ConfigError
     from imodbatch.manifest import load_manifest
     from imodbatch.runner import Plan, default_run_dir, stale_inputs
-    from imodbatch.wiring import Context
 
     if sources[0].is_dir():
         files = [source for source in sources if not source.is_dir()]
@@ -65,14 +65,15 @@ def _run_folders(sources: tuple[Path, ...]) -> list[Path]:
         if source.is_dir():
             folders.append(source)
             continue
-        context = Context(manifest, load_pipeline(source))
+        pipeline = load_pipeline(source)
         folder = default_run_dir(manifest.name, source)
         if not folder.is_dir():
             raise ConfigError(
                 f"{folder}: no such run. Make it with `imodbatch run {sources[0]} "
                 f"--pipeline {source}`."
             )
-        stale = stale_inputs(Plan(context, folder, manifest.sequences), "report")
+        context = Context(manifest, pipeline, folder)
+        stale = stale_inputs(Plan(context, manifest.sequences), "report")
         if stale:
             click.echo(
                 f"imodbatch: warning: {folder}: {', '.join(stale)} no longer fit the settings or "

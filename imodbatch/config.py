@@ -21,6 +21,7 @@ from imodbatch.errors import ConfigError
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
 Percent = Annotated[int, Field(ge=1, le=100)]
+Thousandths = Annotated[float, Field(ge=0.001)]
 
 
 class StrictModel(BaseModel):
@@ -30,13 +31,32 @@ class StrictModel(BaseModel):
 
 
 class PosesConfig(StrictModel):
-    """How frames get their poses from an odometry file."""
+    """Where frames get their poses from, and how those of a file belong to them."""
 
-    source: Literal["odometry"] = "odometry"
+    source: Literal["odometry", "slam", "sfm"] = "odometry"
     max_gap_ms: Annotated[float, Field(ge=0)] = 20.0
     interpolate: Literal["never", "gaps", "always"] = "gaps"
     max_interpolation_gap_ms: Annotated[float, Field(ge=0)] = 200.0
     levelling_frames: Annotated[int, Field(ge=1)] = 20
+    rpe_delta_frames: Annotated[int, Field(ge=1)] = 30
+
+
+class SlamConfig(StrictModel):
+    """How `poses.source = "slam"` tracks the camera."""
+
+    n_features: Annotated[int, Field(ge=100)] = 1000
+
+
+class SfmConfig(StrictModel):
+    """How `poses.source = "sfm"` reconstructs the camera's path."""
+
+    mapper: Literal["incremental", "global"] = "incremental"
+    max_features: Annotated[int, Field(ge=100)] = 2000
+    keyframe_motion_percent: Annotated[float, Field(gt=0, le=50)] = 5.0
+    next_keyframes: Annotated[int, Field(ge=1)] = 6
+    alike_keyframes: Annotated[int, Field(ge=0)] = 6
+    adjust_to_depth: bool = True
+    max_gap_frames: Annotated[int, Field(ge=0)] = 3
 
 
 class DetectConfig(StrictModel):
@@ -103,6 +123,9 @@ class ScoreConfig(StrictModel):
     threshold_step: Positive = 0.01
     threshold_sequences: tuple[str, ...] = ()
     voxel_sweep_m: tuple[Positive, ...] = (0.1, 0.15, 0.2, 0.25, 0.3, 0.4)
+    jitter_m: tuple[Thousandths, ...] = ()
+    jitter_deg: tuple[Thousandths, ...] = ()
+    jitter_repeats: Annotated[int, Field(ge=1)] = 3
 
 
 class ReportConfig(StrictModel):
@@ -118,6 +141,8 @@ class Pipeline(StrictModel):
     """One experiment: a section per stage."""
 
     poses: PosesConfig = PosesConfig()
+    slam: SlamConfig = SlamConfig()
+    sfm: SfmConfig = SfmConfig()
     detect: DetectConfig = DetectConfig()
     viewpoint: ViewpointConfig = ViewpointConfig()
     lift: LiftConfig = LiftConfig()

@@ -22,6 +22,7 @@ Pixels = Annotated[int, Field(ge=1)]
 Focal = Annotated[float, Field(gt=0)]
 Vector = tuple[float, float, float]
 Row = tuple[float, float, float, float]
+Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 
 
 class Intrinsics(StrictModel):
@@ -91,27 +92,36 @@ class CameraSection(StrictModel):
         return rows
 
 
+def _direction(axis: str | Vector) -> Vector:
+    """A direction given as an axis, such as ``-y``, or as it is."""
+    if not isinstance(axis, str):
+        return axis
+    sign = 1.0 if axis[0] == "+" else -1.0
+    x, y, z = (sign * (name == axis[1]) for name in "xyz")
+    return (x, y, z)
+
+
+def _checked_direction(up: str | Vector | None) -> str | Vector | None:
+    if up is not None and not isinstance(up, str) and not np.linalg.norm(up) > 0:
+        raise ValueError("must be a direction such as '+z' or [0.0, -1.0, 0.1]")
+    return up
+
+
 class WorldSection(StrictModel):
-    """`[world]`: which direction of the poses' world points up."""
+    """`[world]`: which direction of the poses' world points up.
 
-    up: Literal["+x", "-x", "+y", "-y", "+z", "-z", "estimate"] | Vector = "+z"
+    `up` is of the world of the poses that come with the dataset; `first_camera_up` is that
+    direction in the camera of the first frame with a pose, for poses estimated from the images.
+    """
 
-    @field_validator("up")
-    @classmethod
-    def _is_a_direction(cls, up: str | Vector) -> str | Vector:
-        if not isinstance(up, str) and not np.linalg.norm(up) > 0:
-            raise ValueError("must be a direction such as '+z' or [0.0, -1.0, 0.1]")
-        return up
+    up: Axis | Literal["estimate"] | Vector = "+z"
+    first_camera_up: Vector | None = None
+
+    _is_a_direction = field_validator("up", "first_camera_up")(_checked_direction)
 
     def direction(self) -> Vector | None:
         """The up direction in the poses' world; None = to be estimated."""
-        if not isinstance(self.up, str):
-            return self.up
-        if self.up == "estimate":
-            return None
-        sign = 1.0 if self.up[0] == "+" else -1.0
-        x, y, z = (sign * (axis == self.up[1]) for axis in "xyz")
-        return (x, y, z)
+        return None if self.up == "estimate" else _direction(self.up)
 
 
 class ImagesSection(StrictModel):
@@ -134,16 +144,54 @@ class ImagesSection(StrictModel):
 
 
 class OdometrySection(StrictModel):
-    """`[odometry]`: camera poses that come with the dataset."""
+    """`[odometry]`: camera poses that come with the dataset.
 
-    format: Literal["tum", "kitti", "matrix", "csv"]
+    Without `quaternion_order` it is the format's own: w last in TUM files, w first in UW files.
+    `clock_offset_ms` is added to the trajectory's stamps.
+    """
+
+    format: Literal["tum", "kitti", "uw", "matrix", "csv"]
     path: str
     convention: Literal["world_from_cam", "cam_from_world"] = "world_from_cam"
     camera: Literal["color", "depth"] = "color"
-    quaternion_order: Literal["xyzw", "wxyz"] = "xyzw"
+    quaternion_order: Literal["xyzw", "wxyz"] | None = None
     clock_offset_ms: float = 0.0
     unit_m: Annotated[float, Field(gt=0)] = 1.0
     columns: dict[str, str] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _says_nothing_in_vain(self) -> "OdometrySection":
+        for name, formats in (
+            ("quaternion_order", ("tum", "uw")),
+            ("clock_offset_ms", ("tum", "csv")),
+            ("columns", ("csv",)),
+        ):
+            if getattr(self, name) and self.format not in formats:
+                raise ValueError(
+                    f"{name} means nothing in the format {self.format!r}, "
+                    f"only in {' and '.join(map(repr, formats))}"
+                )
+        return self
+
+    @property
+    def scalar_is_last(self) -> bool:
+        """Whether quaternions stand as x y z w."""
+        return (self.quaternion_order or ("wxyz" if self.format == "uw" else "xyzw")) == "xyzw"
+
+
+class ReferenceSection(OdometrySection):
+    """`[reference]`: true poses, used only to judge those that the pipeline works with.
+
+    `up` is the direction of their world that points up, if it is known.
+    """
+
+    up: Axis | Vector | None = None
+
+    _is_a_direction = field_validator("up")(_checked_direction)
+
+    def up_direction(self) -> Vector | None:
+        """The up direction of the reference's world; None = unknown."""
+        return None if self.up is None else _direction(self.up)
 
 
 class AnnotationsSection(StrictModel):
@@ -223,6 +271,7 @@ class Manifest(StrictModel):
     world: WorldSection = WorldSection()
     images: ImagesSection | None = None
     odometry: OdometrySection | None = None
+    reference: ReferenceSection | None = None
     annotations: AnnotationsSection = AnnotationsSection()
     detections: DetectionsSection | None = None
     sequences: Annotated[tuple[SequenceSection, ...], Field(min_length=1)]

@@ -18,6 +18,7 @@ import pyarrow as pa
 from tqdm import tqdm
 
 from imodbatch import __version__
+from imodbatch.context import Context
 from imodbatch.errors import ConfigError, ImodError, TableError
 from imodbatch.manifest import SequenceSection
 from imodbatch.schemas import TABLES
@@ -31,7 +32,7 @@ from imodbatch.tables import (
     table_path,
     write_table,
 )
-from imodbatch.wiring import STAGES, STEPS, Context, Step
+from imodbatch.wiring import STAGES, STEPS, Step
 
 UP_TO_DATE, DONE, FAILED = "up to date", "done", "failed"
 STALE, MISSING = "stale", "missing"
@@ -43,8 +44,12 @@ class Plan:
     """A run: what to do, for which sequences, and where the tables lie."""
 
     context: Context
-    run_dir: Path
     sequences: tuple[SequenceSection, ...]
+
+    @property
+    def run_dir(self) -> Path:
+        """Where the tables lie."""
+        return self.context.run_dir
 
     def choose(self, ids: Iterable[str]) -> "Plan":
         """The same for some of the sequences.
@@ -130,9 +135,15 @@ def _state(
     return (UP_TO_DATE if current else STALE), infos[0].summary  # type: ignore[union-attr]
 
 
-def stale_inputs(plan: Plan, stage: str) -> list[str]:
-    """What comes before a stage and no longer fits settings or files, as ``stage sequence``."""
-    before = _stages_before(stage)
+def stale_inputs(plan: Plan, stage: str, with_itself: bool = False) -> list[str]:
+    """What comes before a stage and no longer fits settings or files, as ``stage sequence``.
+
+    Args:
+        plan: the run.
+        stage: the one that is about to read.
+        with_itself: whether the stage's own tables are read, too.
+    """
+    before = _stages_before(stage) | ({stage} if with_itself else set())
     return [
         f"{outcome.stage} {outcome.label}"
         for outcome in states(plan)

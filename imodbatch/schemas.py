@@ -88,6 +88,20 @@ def _intrinsics(prefix: str, camera: str) -> tuple[Column, ...]:
     )
 
 
+def _pose_columns(remark: str) -> tuple[Column, ...]:
+    return _columns(
+        F64,
+        True,
+        tx_m=f"camera centre in the levelled world (+z up), x; {remark}",
+        ty_m="camera centre, y",
+        tz_m="camera centre, z",
+        qw="rotation world_from_cam, quaternion w",
+        qx="quaternion x",
+        qy="quaternion y",
+        qz="quaternion z",
+    )
+
+
 FRAMES = TableSpec(
     "frames",
     _names(FRAME_KEY),
@@ -138,19 +152,28 @@ POSES = TableSpec(
     _names(FRAME_KEY),
     (
         *FRAME_KEY,
-        *_columns(
-            F64,
-            True,
-            tx_m="camera centre in the levelled world (+z up), x; null = lost",
-            ty_m="camera centre, y",
-            tz_m="camera centre, z",
-            qw="rotation world_from_cam, quaternion w",
-            qx="quaternion x",
-            qy="quaternion y",
-            qz="quaternion z",
+        *_pose_columns("null = lost"),
+        Column(
+            "status",
+            STRING,
+            "tracked; dense: by depth and brightness, features being too few; interpolated; lost",
         ),
-        Column("status", STRING, "tracked, interpolated, lost"),
     ),
+)
+POSE_QUALITY = TableSpec(
+    "pose_quality",
+    ("sequence_id", "metric"),
+    (
+        *SEQUENCE_KEY,
+        Column("metric", STRING, "see `stages.pose_quality`; the unit is its ending"),
+        Column("value", F64, "the figure; null = cannot be told", nullable=True),
+        Column("n", I64, "cases behind the value; of the source's own figures, frames"),
+    ),
+)
+REFERENCE_POSES = TableSpec(
+    "reference_poses",
+    _names(FRAME_KEY),
+    (*FRAME_KEY, *_pose_columns("aligned to the poses by a rigid transform; null = none")),
 )
 DETECTIONS = TableSpec(
     "detections",
@@ -254,6 +277,21 @@ SWEEPS = TableSpec(
     ),
     per_run=True,
 )
+JITTERS = TableSpec(
+    "jitters",
+    ("method", "kind", "translation_mm", "rotation_mdeg", "metric"),
+    (
+        METHOD,
+        Column("kind", STRING, "jitter: each frame on its own; drift: a random walk"),
+        Column("translation_mm", I32, "RMS shift of a camera; of drift, in the last frame"),
+        Column("rotation_mdeg", I32, "RMS turn of a camera in thousandths of a degree; likewise"),
+        Column("metric", STRING, "ap_voc07_11pt, mean over classes"),
+        Column("value", F64, "the figure, mean over repeats", nullable=True),
+        Column("spread", F64, "its standard deviation over repeats; null = one", nullable=True),
+        Column("n_repeats", I32, "draws of the noise"),
+    ),
+    per_run=True,
+)
 LOSSES = TableSpec(
     "losses",
     ("class_id", "cause"),
@@ -272,6 +310,8 @@ TABLES = {
         FRAMES,
         ANNOTATIONS,
         POSES,
+        POSE_QUALITY,
+        REFERENCE_POSES,
         DETECTIONS,
         OBSERVATIONS,
         FUSED,
@@ -279,6 +319,7 @@ TABLES = {
         MATCHES,
         METRICS,
         SWEEPS,
+        JITTERS,
         LOSSES,
     )
 }

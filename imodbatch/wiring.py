@@ -14,56 +14,21 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from imodbatch.config import Pipeline
-from imodbatch.core.camera import PinholeCamera
-from imodbatch.core.depth import DepthImage, register
+from imodbatch.context import Context
 from imodbatch.core.scoring import Candidates, Truth
 from imodbatch.datasets.annotations import annotation_files
 from imodbatch.datasets.detections import detection_files, read_detections
 from imodbatch.datasets.registry import adapter_of, camera_model
 from imodbatch.engines.detector.card import weights_digest
 from imodbatch.errors import ConfigError
-from imodbatch.images import UnreadableImageError, read_color, read_depth
-from imodbatch.manifest import Manifest, SequenceSection
-from imodbatch.stages import detect, fuse, index, lift, limits, poses, score
+from imodbatch.manifest import SequenceSection
+from imodbatch.posing import pose_files, pose_step
+from imodbatch.stages import detect, fuse, index, jitter, lift, limits, score
 from imodbatch.stages.base import Progress, StageResult
+from imodbatch.stages.refusion import Evidence
 from imodbatch.weights import find_weights
 
 Tables = dict[str, pa.Table]
-
-
-@dataclass(frozen=True)
-class Context:
-    """All that a step may use besides its tables."""
-
-    manifest: Manifest
-    pipeline: Pipeline
-
-    @property
-    def n_classes(self) -> int:
-        """K."""
-        return len(self.manifest.classes)
-
-    def read_color(self, color_path: str) -> NDArray[np.uint8]:
-        """Colour image of a path as the frames table gives it."""
-        return read_color(self.manifest.root_path / color_path)
-
-    def read_depth(self, row: Any) -> DepthImage:
-        """Depth of a frame row, registered into the colour camera."""
-        path = self.manifest.root_path / row["depth_path"]
-        depth_m = read_depth(path, row["depth_scale_m"], camera_model(self.manifest).depth_invalid)
-        baseline = row["color_from_depth"]
-        return register(
-            depth_m,
-            _camera(row, "depth_"),
-            _camera(row, ""),
-            None if baseline is None else np.reshape(baseline, (4, 4)),
-        )
-
-
-def _camera(row: Any, prefix: str) -> PinholeCamera:
-    names = PinholeCamera.__dataclass_fields__
-    return PinholeCamera(**{name: row[f"{prefix}{name}"] for name in names})
 
 
 Execute = Callable[[Context, SequenceSection, Tables, Progress[Any]], StageResult]
@@ -107,46 +72,10 @@ def _index_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
     ]
 
 
-def _poses(
-    context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
-) -> StageResult:
-    manifest, frames = context.manifest, tables["frames"]
-    adapter = adapter_of(manifest)
-    files = adapter.frames(manifest, sequence)
-    config = context.pipeline.poses
-
-    def estimate_up(world_from_cam: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
-        from imodbatch.engines.levelling import MAX_DEPTH_M, estimate_up
-
-        rows = frames.to_pylist()
-        usable = [
-            i
-            for i in np.flatnonzero(np.isfinite(world_from_cam[:, 0, 0]))
-            if rows[i]["depth_path"] is not None
-        ]
-        picked = np.unique(np.linspace(0, len(usable) - 1, config.levelling_frames).astype(int))
-        chosen = [usable[i] for i in picked] if usable else []
-        points = [_points_cam(context, rows[i], MAX_DEPTH_M) for i in progress(chosen)]
-        up = estimate_up(points, world_from_cam[chosen], sequence.id)
-        return up.direction, str(up)
-
-    odometry = adapter.odometry(manifest, sequence, files)
-    return poses.run(frames, odometry, manifest.world.direction(), estimate_up, config)
-
-
-def _points_cam(context: Context, row: Any, max_depth_m: float) -> NDArray[np.float64]:
-    """Every fourth pixel of a frame as points (P, 3) in the colour camera; none if unreadable."""
-    try:
-        depth_m = context.read_depth(row)[::4, ::4]
-    except UnreadableImageError:  # lift says so for every box of the frame
-        return np.zeros((0, 3))
-    pixels = _camera(row, "").pixel_centers()[::4, ::4]
-    near = depth_m < max_depth_m
-    return _camera(row, "").unproject(pixels[near], depth_m[near])
-
-
-def _pose_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
-    return adapter_of(context.manifest).odometry_files(context.manifest, sequence)
+def _pose_settings(context: Context, sequence: SequenceSection) -> dict[str, Any]:
+    source = context.pipeline.poses.source
+    own = ("@odometry",) if source == "odometry" else (source,)
+    return _settings("poses", "@world", "@camera", "@reference", *own)(context, sequence)
 
 
 def _detect(
@@ -298,11 +227,8 @@ def _coco_ap(
     return coco_ap(detections, annotations, n_classes)
 
 
-def _limits(
-    context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
-) -> StageResult:
-    del sequence
-    evidence = limits.Evidence(
+def _evidence(context: Context, tables: Tables) -> Evidence:
+    return Evidence(
         tables["frames"],
         tables["annotations"],
         tables["detections"],
@@ -310,9 +236,23 @@ def _limits(
         context.n_classes,
         context.pipeline,
     )
+
+
+def _limits(
+    context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
+) -> StageResult:
+    del sequence
+    evidence = _evidence(context, tables)
     swept = limits.sweep(evidence, progress)
     lost = limits.losses(evidence, tables["poses"], context.manifest.classes)
     return StageResult({**swept.tables, **lost.tables}, f"{swept.summary}; {lost.summary}")
+
+
+def _jitter(
+    context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
+) -> StageResult:
+    del sequence
+    return jitter.run(_evidence(context, tables), tables["poses"], progress)
 
 
 def _dump(section: Any) -> Any:
@@ -339,15 +279,35 @@ def _index_settings(context: Context, sequence: SequenceSection) -> dict[str, An
     return {**_settings(*names)(context, sequence), "sequence": _dump(sequence)}
 
 
+JITTER_KEYS = frozenset({"jitter_m", "jitter_deg", "jitter_repeats"})
+
+
+def _score_settings(*names: str) -> Sections:
+    """`_settings` with all of ``[score]`` but what concerns the step `_jitter` alone."""
+
+    def collect(context: Context, sequence: SequenceSection) -> dict[str, Any]:
+        score_section = context.pipeline.score.model_dump(mode="json", exclude=set(JITTER_KEYS))
+        return {**_settings(*names)(context, sequence), "score": score_section}
+
+    return collect
+
+
+def _jitter_settings(context: Context, sequence: SequenceSection) -> dict[str, Any]:
+    keys = {"iou_percents", "matching", *JITTER_KEYS}
+    score_section = context.pipeline.score.model_dump(mode="json", include=keys)
+    others = _settings("fuse", "viewpoint", "lift", "@classes")(context, sequence)
+    return {**others, "score": score_section}
+
+
 STEPS: tuple[Step, ...] = (
     Step("index", (), ("frames", "annotations"), _index, _index_settings, _index_files),
     Step(
         "poses",
         ("frames",),
-        ("poses",),
-        _poses,
-        _settings("poses", "@world", "@odometry", "@camera"),
-        _pose_files,
+        ("poses", "pose_quality", "reference_poses"),
+        pose_step,
+        _pose_settings,
+        pose_files,
     ),
     Step("detect", ("frames",), ("detections",), _detect, _detect_settings, _detect_files),
     Step(
@@ -369,14 +329,14 @@ STEPS: tuple[Step, ...] = (
         ("fused", "detections", "annotations"),
         ("matches",),
         _match,
-        _settings("score"),
+        _score_settings(),
     ),
     Step(
         "score",
         ("frames", "annotations", "detections", "matches"),
         ("metrics",),
         _summarise,
-        _settings("score", "@classes"),
+        _score_settings("@classes"),
         per_run=True,
     ),
     Step(
@@ -384,7 +344,15 @@ STEPS: tuple[Step, ...] = (
         ("frames", "annotations", "poses", "detections", "observations"),
         ("sweeps", "losses"),
         _limits,
-        _settings("score", "fuse", "viewpoint", "lift", "@classes"),
+        _score_settings("fuse", "viewpoint", "lift", "@classes"),
+        per_run=True,
+    ),
+    Step(
+        "score",
+        ("frames", "annotations", "poses", "detections", "observations"),
+        ("jitters",),
+        _jitter,
+        _jitter_settings,
         per_run=True,
     ),
 )

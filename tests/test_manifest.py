@@ -109,6 +109,7 @@ def test_where_the_manifest_lies_is_not_a_key(tmp_path):
         ({"world": {"upp": "+z"}}, "world.upp", "'up'"),
         ({"images": {"color": "a{frame}", "colour": "x"}}, "images.colour", "'color'"),
         ({"odometry": {"format": "tum", "pth": "x"}}, "odometry.pth", "'path'"),
+        ({"reference": {"format": "tum", "path": "x", "upp": "+z"}}, "reference.upp", "'up'"),
         ({"annotations": {"fmt": "coco"}}, "annotations.fmt", "'format'"),
         ({"detections": {"format": "coco", "path": "x", "renam": {}}}, "renam", "'rename'"),
         ({"sequences": [{"id": "s", "pth": "x"}]}, "sequences.0.pth", "'path'"),
@@ -140,6 +141,9 @@ def test_unknown_keys_are_found_at_every_depth(more, key, hint):
             {"odometry": {"format": "tum", "path": "x", "clock_offset_ms": float("inf")}},
             "odometry.clock_offset_ms",
         ),
+        ({"reference": {"format": "tum"}}, "reference.path"),
+        ({"reference": {"format": "tum", "path": "x", "up": "estimate"}}, "reference.up"),
+        ({"reference": {"format": "tum", "path": "x", "up": [0, 0, 0]}}, "reference.up"),
         ({"images": {"color": "{frame}.png", "frames_per_second": 0}}, "images.frames_per_second"),
         ({"images": {"color": "/data/{frame}.png"}}, "images.color"),
         ({"images": {"color": "{frame}.png", "depth": "/data/{frame}.png"}}, "images.depth"),
@@ -261,3 +265,12 @@ def test_paths_are_found_beside_the_sequence_then_in_the_root(tmp_path):
     (tmp_path / "walk" / "a.txt").touch()
     assert split.path_in(section, "a.txt") == tmp_path / "walk" / "a.txt"
     assert split.path_in(section, "x/{sequence}.txt") == tmp_path / "x" / "walk.txt"
+
+
+@pytest.mark.parametrize(
+    ("up", "direction"), [(None, None), ("-y", (0, -1, 0)), ([0.1, 0, 2], (0.1, 0, 2))]
+)
+def test_a_reference_may_say_where_its_up_is(up, direction):
+    given = {"format": "tum", "path": "true.txt", **({} if up is None else {"up": up})}
+    assert manifest(reference=given).reference.up_direction() == direction
+    assert manifest().reference is None

@@ -84,9 +84,9 @@ class Project:
 
 
 def lines_of(*stages: str, sequences: tuple[str, ...] = BOTH) -> list[str]:
-    """The lines of whole stages, in order; `score` ends with two lines on the whole run."""
+    """The lines of whole stages, in order; `score` ends with three lines on the whole run."""
     found = [f"{stage} {sequence}" for stage in stages for sequence in sequences]
-    return found + ["score all", "score all"] * ("score" in stages)
+    return found + ["score all"] * 3 * ("score" in stages)
 
 
 ALL_LINES = lines_of(*STAGES)
@@ -171,10 +171,18 @@ def test_a_setting_changes_what_it_should_and_back(project: Project, finished: P
     project.call("run", "--set", "lift.voxel_size_m=0.3")
     old, new = finished.bytes_by_file(), project.bytes_by_file()
     changed = {file.split("/")[0] for file in old if old[file] != new[file]}
-    expected = {"observations", "fused", "objects", "matches", "metrics", "sweeps", "losses"}
+    expected = {"observations", "fused", "objects", "matches", "metrics"}
+    expected |= {"sweeps", "losses", "jitters"}  # the last is empty, but says what it was made of
     assert changed == expected
     assert project.redone("run") == lines_of("lift", "fuse", "score")
     assert project.bytes_by_file() == old
+
+
+def test_disturbing_poses_redoes_nothing_else(project: Project) -> None:
+    before = project.moments()
+    assert project.redone("run", "--set", "score.jitter_m=[0.05]") == ["score all"]
+    after = project.moments()
+    assert [file for file in after if after[file] != before[file]] == ["jitters/run.parquet"]
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,7 @@ WITHOUT_UNIT = {  # pure numbers, and columns whose unit depends on the row or i
     "score",
     "iou",
     "value",
+    "spread",
     "color_from_depth",
     "view_scores",
     "qw",
@@ -103,7 +104,7 @@ def test_a_column_has_one_type_everywhere():
 
 def test_keys_are_those_of_their_tables_parents():
     frame, detection = (tuple(c.name for c in key) for key in (FRAME_KEY, DETECTION_KEY))
-    assert TABLES["frames"].key == TABLES["poses"].key == frame
+    assert TABLES["frames"].key == TABLES["poses"].key == TABLES["reference_poses"].key == frame
     assert TABLES["detections"].key == TABLES["observations"].key == detection
     assert TABLES["fused"].key == (*detection, "method", "class_id")
     assert TABLES["matches"].key == (*TABLES["fused"].key, "iou_percent")

@@ -8,11 +8,12 @@ from click.testing import Result
 
 from imodbatch import runner, weights
 from imodbatch.config import load_pipeline
+from imodbatch.context import Context
 from imodbatch.errors import ConfigError
 from imodbatch.manifest import load_manifest
 from imodbatch.runner import Plan
 from imodbatch.weights import find_weights, shipped_names
-from imodbatch.wiring import STEPS, Context
+from imodbatch.wiring import STEPS
 
 REPOSITORY = Path(__file__).parents[1]
 NAMES = ("robot17_3x16", "robot17_3x8", "robot17_noview")
@@ -110,7 +111,7 @@ def test_other_weights_of_the_same_name_are_another_provenance(
     (tmp_path / "small.toml").write_text(analytic_manifest(analytic_data, "walk_1"))
     manifest = load_manifest(tmp_path / "small.toml")
     pipeline = load_pipeline(None, ["detect.weights=robot17_3x16"])
-    plan = Plan(Context(manifest, pipeline), tmp_path / "run", manifest.sequences)
+    plan = Plan(Context(manifest, pipeline, tmp_path / "run"), manifest.sequences)
     list(runner.run_stage(plan, "index"))
     step = next(step for step in STEPS if step.stage == "detect")
     before = runner._provenance(plan, step, plan.sequences)

@@ -1,6 +1,7 @@
 """A pinhole camera: metres to continuous pixels and back."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +40,13 @@ class PinholeCamera:
         return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
 
     def pixel_centers(self) -> Array:
-        """Centres of all pixels, (H, W, 2)."""
-        u, v = np.meshgrid(np.arange(self.width_px) + 0.5, np.arange(self.height_px) + 0.5)
-        return np.stack([u, v], axis=-1)
+        """Centres of all pixels, (H, W, 2), read-only."""
+        return _pixel_centers(self.width_px, self.height_px)
+
+
+@lru_cache(maxsize=8)
+def _pixel_centers(width_px: int, height_px: int) -> Array:
+    u, v = np.meshgrid(np.arange(width_px) + 0.5, np.arange(height_px) + 0.5)
+    centers = np.stack([u, v], axis=-1)
+    centers.setflags(write=False)
+    return centers

@@ -1,7 +1,8 @@
 """Depth images: into the colour camera, and one depth for a box.
 
 A depth sensor often sits beside the colour sensor and has another focal length. `register` moves
-every depth pixel into the colour image and keeps the nearest where several meet (a z-buffer).
+every depth pixel into the colour image and keeps the nearest where several meet (a z-buffer). Where
+only focal lengths or centres differ, no two pixels meet, and each colour pixel looks up its own.
 `box_depth` then answers "how far is the thing in this box", in one of three ways.
 """
 
@@ -24,7 +25,7 @@ def register(
     color_camera: PinholeCamera,
     color_from_depth: ArrayLike | None = None,
 ) -> DepthImage:
-    """Render a depth image in the colour camera with a z-buffer.
+    """Render a depth image in the colour camera.
 
     Each depth pixel covers as many colour pixels as its footprint is wide there, so that a colour
     image of higher resolution gets no holes between samples.
@@ -40,13 +41,51 @@ def register(
     """
     if depth_camera == color_camera and color_from_depth is None:
         return depth_m
+    if color_from_depth is None:
+        return _look_up(depth_m, depth_camera, color_camera)
+    return _splat(depth_m, depth_camera, color_camera, color_from_depth)
+
+
+def _look_up(
+    depth_m: DepthImage, depth_camera: PinholeCamera, color_camera: PinholeCamera
+) -> DepthImage:
+    """`register` without a baseline: rays coincide, so columns map to columns and rows to rows."""
+    d, c = depth_camera, color_camera
+    left, columns = _sources(d.width_px, d.fx_px, d.cx_px, c.width_px, c.fx_px, c.cx_px)
+    top, rows = _sources(d.height_px, d.fy_px, d.cy_px, c.height_px, c.fy_px, c.cy_px)
+    seen = depth_m.take(rows, axis=0).take(columns, axis=1)
+    registered = np.full((c.height_px, c.width_px), np.nan, dtype=np.float32)
+    inside = registered[top : top + len(rows), left : left + len(columns)]
+    np.copyto(inside, seen, where=np.isfinite(seen) & (seen > 0), casting="same_kind")
+    return registered
+
+
+def _sources(
+    n_depth: int, f_depth: float, c_depth: float, n_color: int, f_color: float, c_color: float
+) -> tuple[int, NDArray[np.int64]]:
+    """Along one axis, the depth pixel that holds each colour pixel's centre.
+
+    Returns:
+        The first colour pixel that looks into the depth image, and the depth pixels of it and of
+        those that follow.
+    """
+    edges_px = f_color * ((np.arange(n_depth + 1, dtype=np.float64) - c_depth) / f_depth) + c_color
+    first = np.clip(_first_center(edges_px), 0, n_color)
+    return int(first[0]), np.repeat(np.arange(n_depth), np.diff(first))
+
+
+def _splat(
+    depth_m: DepthImage,
+    depth_camera: PinholeCamera,
+    color_camera: PinholeCamera,
+    color_from_depth: ArrayLike,
+) -> DepthImage:
+    """`register` between cameras that stand apart, with a z-buffer."""
     valid = np.isfinite(depth_m)
     z = depth_m[valid].astype(np.float64)
-    points = z[:, None] * _pixel_rays(depth_camera)[valid]
-    if color_from_depth is not None:
-        points = apply(color_from_depth, points)
-        in_front = points[:, 2] > 0
-        points, z = points[in_front], z[in_front]
+    points = apply(color_from_depth, z[:, None] * _pixel_rays(depth_camera)[valid])
+    in_front = points[:, 2] > 0
+    points, z = points[in_front], z[in_front]
     pixels = color_camera.project(points)
     # a depth pixel is z/f_depth wide in metres, hence (z/f_depth)·(f_color/z_color) colour pixels
     shrink = z / points[:, 2]

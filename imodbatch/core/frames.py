@@ -90,6 +90,13 @@ def apply(a_from_b: ArrayLike, points_b: ArrayLike) -> Array:
     return np.einsum("...ij,...j->...i", transform[..., :3, :3], points) + transform[..., :3, 3]
 
 
+def orthonormal(transform: ArrayLike) -> Array:
+    """Rigid transforms (..., 4, 4) nearest to products of many, whose rounding errors add up."""
+    transform = np.asarray(transform, dtype=np.float64)
+    rotation = matrix_from_quaternion(quaternion_from_matrix(transform[..., :3, :3]))
+    return make_transform(rotation, transform[..., :3, 3])
+
+
 def is_rigid(transforms: ArrayLike, tolerance: float = 1e-2) -> NDArray[np.bool_]:
     """Whether (..., 4, 4) matrices are finite rotations with a translation.
 
@@ -149,3 +156,56 @@ def slerp(start_wxyz: ArrayLike, end_wxyz: ArrayLike, fraction: ArrayLike) -> Ar
     weight_end = np.where(small, fraction, np.sin(fraction * angle) / sine)
     mixed = weight_start * start + weight_end * end
     return mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+
+
+def exp_twist(twist: ArrayLike) -> Array:
+    """Rigid transforms (..., 4, 4) of small or large twists (..., 6): translation part, rotation.
+
+    The rotation vector's length is the angle (Rodrigues); the translation is applied as it stands,
+    not coupled with the rotation, which is all that an update of an optimiser needs.
+    """
+    twist = np.asarray(twist, dtype=np.float64)
+    x, y, z = np.moveaxis(twist[..., 3:], -1, 0)
+    angle = np.sqrt(x * x + y * y + z * z)
+    sine = np.sinc(angle / np.pi)
+    versine = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
+    transform = np.zeros((*twist.shape[:-1], 4, 4))
+    transform[..., 0, 0] = 1 - versine * (y * y + z * z)
+    transform[..., 0, 1] = versine * x * y - sine * z
+    transform[..., 0, 2] = versine * x * z + sine * y
+    transform[..., 1, 0] = versine * x * y + sine * z
+    transform[..., 1, 1] = 1 - versine * (x * x + z * z)
+    transform[..., 1, 2] = versine * y * z - sine * x
+    transform[..., 2, 0] = versine * x * z - sine * y
+    transform[..., 2, 1] = versine * y * z + sine * x
+    transform[..., 2, 2] = 1 - versine * (x * x + y * y)
+    transform[..., :3, 3] = twist[..., :3]
+    transform[..., 3, 3] = 1.0
+    return transform
+
+
+def twist_between(a_from_c: ArrayLike, b_from_c: ArrayLike) -> Array:
+    """Twists (..., 6) whose `exp_twist`, applied on the left, takes the second pose to the first.
+
+    Args:
+        a_from_c: (..., 4, 4).
+        b_from_c: (..., 4, 4).
+    """
+    difference = np.asarray(a_from_c) @ invert(b_from_c)
+    quaternion = quaternion_from_matrix(difference[..., :3, :3])
+    sine = np.linalg.norm(quaternion[..., 1:], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(sine, quaternion[..., :1])
+    per_sine = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
+    return np.concatenate([difference[..., :3, 3], per_sine * quaternion[..., 1:]], axis=-1)
+
+
+def adjoint(a_from_b: ArrayLike) -> Array:
+    """Matrices (..., 6, 6) that take twists in b to twists in a (Barfoot 2017, Sec. 7.1.4)."""
+    transform = np.asarray(a_from_b, dtype=np.float64)
+    rotation, (x, y, z) = transform[..., :3, :3], np.moveaxis(transform[..., :3, 3], -1, 0)
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    skew = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    upper = np.concatenate([rotation, skew @ rotation], axis=-1)
+    lower = np.concatenate([np.zeros_like(rotation), rotation], axis=-1)
+    return np.concatenate([upper, lower], axis=-2)

@@ -1,6 +1,7 @@
 """Camera trajectories: giving each frame a pose from poses taken at other moments."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +16,8 @@ from imodbatch.core.frames import (
 )
 
 Array = NDArray[np.float64]
-TRACKED, INTERPOLATED, LOST = "tracked", "interpolated", "lost"
+TRACKED, DENSE, INTERPOLATED, LOST = "tracked", "dense", "interpolated", "lost"
+STATUSES = (TRACKED, DENSE, INTERPOLATED, LOST)
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,8 @@ class FramePoses:
 
     Attributes:
         world_from_cam: (F, 4, 4), NaN where lost.
-        status: (F,) of tracked, interpolated, lost.
+        status: (F,) of tracked; dense (by depth and brightness as a whole, where features were too
+            few); interpolated; lost.
     """
 
     world_from_cam: Array
@@ -39,6 +42,23 @@ class FramePoses:
         rotation = matrix_from_quaternion(quaternion_from_matrix(given[good, :3, :3]))
         poses[good] = make_transform(rotation, given[good, :3, 3])
         return cls(poses, np.where(good, TRACKED, LOST))
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What a source of poses gives for a sequence, in a world of its own, in metres.
+
+    Attributes:
+        poses: of the F frames.
+        summary: how they came about, in a few words.
+        warnings: what a user should know, a sentence each.
+        figures: figures of the source itself by name, unit in the name: rows of `pose_quality`.
+    """
+
+    poses: FramePoses
+    summary: str = ""
+    warnings: tuple[str, ...] = ()
+    figures: Mapping[str, float] = field(default_factory=dict)
 
 
 def associate(stamps_a: ArrayLike, stamps_b: ArrayLike, max_gap: int) -> NDArray[np.int64]:

@@ -108,3 +108,11 @@ class Adapter(Protocol):
     def odometry_files(self, manifest: Manifest, sequence: SequenceSection) -> list[Path]:
         """Files that `odometry` reads, for provenance."""
         ...
+
+    def reference(self, manifest: Manifest, sequence: SequenceSection) -> Odometry | None:
+        """True poses, by which others are judged and nothing else is done; None = none."""
+        ...
+
+    def reference_files(self, manifest: Manifest, sequence: SequenceSection) -> list[Path]:
+        """Files that `reference` reads, for provenance."""
+        ...

@@ -74,6 +74,20 @@ def odometry_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
     return trajectory_files(manifest.odometry, manifest, sequence)
 
 
+def reference(manifest: Manifest, sequence: SequenceSection) -> Odometry | None:
+    """What `[reference]` points at."""
+    if manifest.reference is None:
+        return None
+    return read_odometry(manifest.reference, manifest, sequence, _all_frames(manifest, sequence))
+
+
+def reference_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
+    """What `[reference]` points at."""
+    if manifest.reference is None:
+        return []
+    return trajectory_files(manifest.reference, manifest, sequence)
+
+
 def _images(manifest: Manifest) -> ImagesSection:
     if manifest.images is None:
         raise ConfigError(

@@ -62,3 +62,16 @@ def odometry(
 def odometry_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
     """The files behind `odometry`."""
     return trajectory_files(manifest.odometry or POSES, manifest, sequence)
+
+
+def reference(manifest: Manifest, sequence: SequenceSection) -> Odometry | None:
+    """The poses beside the images, if there are any, or what `[reference]` points at instead."""
+    if not reference_files(manifest, sequence):
+        return None
+    all_frames = _all_frames(manifest, sequence)
+    return read_odometry(manifest.reference or POSES, manifest, sequence, all_frames)
+
+
+def reference_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
+    """The files behind `reference`."""
+    return trajectory_files(manifest.reference or POSES, manifest, sequence)

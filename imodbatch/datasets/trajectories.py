@@ -1,7 +1,8 @@
-"""Trajectory files: TUM, KITTI, one 4×4 per file, CSV with named columns.
+"""Trajectory files: TUM, KITTI, UW, one 4×4 per file, CSV with named columns.
 
 All become `Odometry` of the colour camera, world_from_cam, metres, in the order of the file.
-Numbers that are not finite are kept: the frame they belong to is lost, not the file.
+Numbers that are not finite are kept: the frame they belong to is lost, not the file. A pose
+without a stamp belongs to no moment, so it becomes NaN.
 """
 
 import csv
@@ -20,7 +21,8 @@ from imodbatch.errors import DataError
 from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
 
 Array = NDArray[np.float64]
-NO_STAMP = np.iinfo(np.int64).min // 2  # matches no moment
+NO_STAMP = np.iinfo(np.int64).min // 2  # stands where a stamp is missing; its pose is NaN
+UW_COLUMNS = (7, 9)  # quaternion, place; the aligned scenes of v1 have two stamps before them
 CSV_COLUMNS = ("tx", "ty", "tz", "qw", "qx", "qy", "qz")
 
 
@@ -77,54 +79,79 @@ def read_odometry(
             )
         poses = np.stack([_read_matrix(path) for _, path in numbered])
         numbers = np.array([number for number, _ in numbered], dtype=np.int64)
-    elif section.format == "kitti":
-        rows = _read_numbers(files[0], 12)
-        poses = np.tile(np.eye(4), (len(rows), 1, 1))
-        poses[:, :3, :] = rows.reshape(-1, 3, 4)
+    elif section.format in ("kitti", "uw"):
+        read_lines = _read_kitti if section.format == "kitti" else _read_uw
+        poses = read_lines(files[0], section)
         kept = [frame for frame in frames if sequence.keeps(frame.frame_index)]
-        numbers = _numbers_by_line(files[0], len(rows), frames, kept)
+        numbers = _numbers_by_line(files[0], len(poses), frames, kept)
     elif section.format == "tum":
-        rows = _read_numbers(files[0], 8)
-        poses = _from_quaternions(_quaternion_first(rows[:, 4:], section), rows[:, 1:4])
-        first_column = [(line, parts[0]) for line, parts in _read_fields(files[0], 8)]
-        stamps = _stamps(first_column, NS_PER_S, files[0])
+        poses, stamps = _read_tum(files[0], section)
     else:
         poses, stamps, numbers = _read_csv(files[0], section)
     _refuse_if_not_rigid(poses, files[0])
     poses = _to_color_world(poses, section, manifest)
     if stamps is not None:
-        stamps = stamps + round(section.clock_offset_ms * NS_PER_MS)
+        poses[stamps == NO_STAMP] = np.nan
+        offset_ns = round(section.clock_offset_ms * NS_PER_MS)
+        stamps = np.where(stamps == NO_STAMP, NO_STAMP, stamps + offset_ns)
     return Odometry(poses, stamps, numbers)
 
 
+def _read_kitti(path: Path, section: OdometrySection) -> Array:
+    """The first three rows of a matrix per line."""
+    del section
+    rows = _read_numbers(path, (12,))
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3, :] = rows.reshape(-1, 3, 4)
+    return poses
+
+
+def _read_uw(path: Path, section: OdometrySection) -> Array:
+    """Quaternion, then place, per line; two stamps may stand before them and are not needed."""
+    rows = _read_numbers(path, UW_COLUMNS)[:, -7:]
+    return _from_quaternions(_scalar_first(rows[:, :4], section), rows[:, 4:])
+
+
+def _read_tum(path: Path, section: OdometrySection) -> tuple[Array, NDArray[np.int64]]:
+    """Stamp, place, quaternion per line."""
+    rows = _read_numbers(path, (8,))
+    poses = _from_quaternions(_scalar_first(rows[:, 4:], section), rows[:, 1:4])
+    first_column = [(line, parts[0]) for line, parts in _read_fields(path, (8,))]
+    return poses, _stamps(first_column, NS_PER_S, path)
+
+
 def _read_matrix(path: Path) -> Array:
-    rows = _read_numbers(path, 4)
+    rows = _read_numbers(path, (4,))
     if rows.shape not in ((4, 4), (3, 4)):
         raise DataError(f"{path}: expected a 4×4 or 3×4 matrix, found {rows.shape[0]} lines.")
     return np.vstack([rows, [0.0, 0.0, 0.0, 1.0]]) if len(rows) == 3 else rows
 
 
-def _read_numbers(path: Path, n_columns: int) -> Array:
-    """Lines of numbers: (lines, n_columns)."""
+def _read_numbers(path: Path, n_columns: tuple[int, ...]) -> Array:
+    """Lines of numbers: (lines, one of n_columns)."""
     rows = [
         [_number(part, path, line) for part in parts]
         for line, parts in _read_fields(path, n_columns)
     ]
-    return np.array(rows, dtype=np.float64).reshape(-1, n_columns)
+    return np.array(rows, dtype=np.float64).reshape(-1, len(rows[0]) if rows else n_columns[0])
 
 
-def _read_fields(path: Path, n_columns: int) -> list[tuple[int, list[str]]]:
-    """Line numbers and columns of a text file, comments (#) and blank lines left out."""
-    rows = []
+def _read_fields(path: Path, n_columns: tuple[int, ...]) -> list[tuple[int, list[str]]]:
+    """Line numbers and columns of a text file, comments (#) and blank lines left out.
+
+    Of several numbers of columns that are allowed, the first line says which the file has.
+    """
+    rows: list[tuple[int, list[str]]] = []
     for number, line in enumerate(_lines(path), start=1):
         text = line.split("#", 1)[0].replace(",", " ").strip()
         if not text:
             continue
         parts = text.split()
-        if len(parts) != n_columns:
+        allowed = (len(rows[0][1]),) if rows else n_columns
+        if len(parts) not in allowed:
             raise DataError(
-                f"{path}, line {number}: expected {n_columns} numbers, found {len(parts)}. "
-                "Check odometry.format."
+                f"{path}, line {number}: expected {' or '.join(map(str, allowed))} numbers, "
+                f"found {len(parts)}. Check odometry.format."
             )
         rows.append((number, parts))
     return rows
@@ -161,7 +188,7 @@ def _numbers_by_line(
         return np.arange(n_lines, dtype=np.int64)
     raise DataError(
         f"{path}: {n_lines} lines for {len(frames)} frames numbered {first} to {last}. "
-        "A KITTI file has one line per frame; use TUM or CSV where frames are missing."
+        "This format has one line per frame; use TUM or CSV where frames are missing."
     )
 
 
@@ -219,9 +246,9 @@ def _read_csv(
     )
 
 
-def _quaternion_first(rows: Array, section: OdometrySection) -> Array:
+def _scalar_first(quaternions: Array, section: OdometrySection) -> Array:
     """Quaternions as w, x, y, z."""
-    return rows[:, [3, 0, 1, 2]] if section.quaternion_order == "xyzw" else rows
+    return quaternions[:, [3, 0, 1, 2]] if section.scalar_is_last else quaternions
 
 
 def _from_quaternions(quaternion_wxyz: Array, translation: Array) -> Array:

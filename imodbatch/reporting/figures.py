@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +37,7 @@ STYLE = {
 CURVE_POINTS = 150
 PATH_POINTS = 1500
 YAW_MARK_M = 0.12
+PATH_COLOR, REFERENCE_COLOR = "#0369a1", "#111827"
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,40 @@ class TopView:
     is_strong: NDArray[np.bool_]
     yaw_rad: Array
     path: Array
+
+
+@dataclass(frozen=True)
+class PanelLine:
+    """A method's values over a quantity, with half the length of their error bars."""
+
+    method: str
+    x: Sequence[float]
+    values: Sequence[float]
+    spreads: Sequence[float]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One of several plots side by side: label and ticks of its horizontal axis, and its lines."""
+
+    label: str
+    ticks: Mapping[float, str]
+    lines: Sequence[PanelLine]
+
+
+@dataclass(frozen=True)
+class PathView:
+    """A camera's path from above, in metres.
+
+    Attributes:
+        path: (m, 2) camera centres in order of frames, NaN where the pose is lost.
+        reference: (m, 2) true ones; empty = unknown.
+        marks: places (k, 2) to be marked, each group with its colour.
+    """
+
+    path: Array
+    reference: Array
+    marks: Sequence[tuple[Array, str]]
 
 
 def precision_recall_svg(
@@ -112,20 +147,45 @@ def sweep_svg(
                 color="#6b7280",
             )
         for method, sizes, values in lines:
-            style = method_style(method)
-            axes.plot(
-                sizes,
-                values,
-                color=style.color,
-                linestyle="--" if style.is_dashed else "-",
-                linewidth=1.4,
-                marker="o",
-                mfc="white" if style.is_dashed else style.color,
-                markersize=4,
-            )
+            axes.plot(sizes, values, **_marked_line(method))
         axes.set(xlabel="voxel edge (mm)", ylabel=label)
         axes.set_xticks(sorted({size for _, sizes, _ in lines for size in sizes}))
         return _svg(figure, "Mean AP over the voxel's size")
+
+
+def panels_svg(panels: Sequence[Panel], label: str, about: str) -> Markup:
+    """A metric over several quantities, side by side on one vertical scale.
+
+    Args:
+        panels: one plot each.
+        label: name of the metric.
+        about: what the panels share, for the description.
+    """
+    with mpl.rc_context(_style(f"panels {about}")):
+        figure = Figure(figsize=(6.4, 2.7), layout="constrained")
+        figure.patch.set_alpha(0.0)
+        row = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+        for axes, panel in zip(row, panels, strict=True):
+            for line in panel.lines:
+                looks = {**_marked_line(line.method), "elinewidth": 0.7}
+                axes.errorbar(line.x, line.values, yerr=line.spreads, **looks)
+            axes.set_xticks(list(panel.ticks), list(panel.ticks.values()))
+            axes.set(xlabel=panel.label)
+        row[0].set(ylabel=label)
+        return _svg(figure, f"{label} {about}")
+
+
+def _marked_line(method: str) -> dict[str, Any]:
+    """A line with dots in the looks of a method."""
+    style = method_style(method)
+    return {
+        "color": style.color,
+        "linestyle": "--" if style.is_dashed else "-",
+        "linewidth": 1.4,
+        "marker": "o",
+        "mfc": "white" if style.is_dashed else style.color,
+        "markersize": 4,
+    }
 
 
 def top_view_svg(title: str, view: TopView) -> Markup:
@@ -154,6 +214,27 @@ def top_view_svg(title: str, view: TopView) -> Markup:
         axes.set_aspect("equal", adjustable="datalim")
         axes.set(xlabel="x (m)", ylabel="y (m)")
         return _svg(figure, f"Objects and camera path from above, {title}")
+
+
+def path_svg(title: str, view: PathView) -> Markup:
+    """The path of a camera from above, the true one dashed beside it."""
+    with mpl.rc_context(_style(f"path {title}")):
+        figure, axes = _new((4.2, 3.8))
+        for line, color, dashes in (
+            (view.path, PATH_COLOR, "-"),
+            (view.reference, REFERENCE_COLOR, "--"),
+        ):
+            x, y = line[_spread(len(line), PATH_POINTS)].T
+            axes.plot(x, y, color=color, linestyle=dashes, linewidth=1.1)
+        for places, color in view.marks:
+            some = places[_spread(len(places), PATH_POINTS)]
+            axes.scatter(some[:, 0], some[:, 1], s=9, color=color, zorder=3, linewidths=0)
+        seen = view.path[~np.isnan(view.path).any(axis=1)]
+        if len(seen):
+            axes.plot(*seen[0], marker="o", mfc="white", color=PATH_COLOR, markersize=6, zorder=4)
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set(xlabel="x (m)", ylabel="y (m)")
+        return _svg(figure, f"Camera path from above, {title}")
 
 
 def class_colors(n_classes: int) -> list[str]:

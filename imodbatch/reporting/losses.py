@@ -20,7 +20,7 @@ STAGE_OF_TABLE = {
     "observations": "lift",
 }
 WITH_STATUS = ("poses", "observations")
-USUAL_STATUSES = ("frames", "annotations", "tracked", "interpolated", "lost", "placed")
+USUAL_STATUSES = ("frames", "annotations", "tracked", "dense", "interpolated", "lost", "placed")
 TOTAL = "all sequences"
 CAUSES = {
     "no_box": "no box near the annotation (share)",

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from imodbatch.core.frames import make_transform, matrix_from_quaternion
+from imodbatch.core.frames import make_transform, matrix_from_quaternion, quaternion_from_matrix
 from imodbatch.core.scoring import Truth
 from imodbatch.core.trajectory import LOST
 
@@ -75,6 +75,16 @@ def world_from_cam_of(poses: pa.Table) -> dict[int, NDArray[np.float64]]:
     center = np.stack([column(known, name) for name in ("tx_m", "ty_m", "tz_m")], axis=-1)
     transforms = make_transform(matrix_from_quaternion(quaternion), center)
     return dict(zip(column(known, "frame_index").tolist(), transforms, strict=True))
+
+
+def pose_columns(world_from_cam: NDArray[np.float64]) -> dict[str, pa.Array]:
+    """Poses (F, 4, 4) as columns of a table; null where they are NaN."""
+    known = np.asarray(np.isfinite(world_from_cam).all(axis=(-2, -1)))
+    quaternion = np.full((len(known), 4), np.nan)
+    quaternion[known] = quaternion_from_matrix(world_from_cam[known, :3, :3])
+    values = np.concatenate([world_from_cam[:, :3, 3], quaternion], axis=1)
+    names = ("tx_m", "ty_m", "tz_m", "qw", "qx", "qy", "qz")
+    return {name: pa.array(values[:, i], mask=~known) for i, name in enumerate(names)}
 
 
 def truth_of(annotations: pa.Table, image: NDArray[np.int64]) -> Truth:

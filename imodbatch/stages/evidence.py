@@ -1,4 +1,4 @@
-"""From tables to the arrays that fusion takes: what `fuse` and `limits` share."""
+"""From tables to the arrays that fusion takes: what `fuse` and `refusion` share."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -15,8 +15,7 @@ from imodbatch.config import LiftConfig, ViewpointConfig
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage, box_depth
 from imodbatch.core.frames import apply
-from imodbatch.core.viewpoint import view_angles
-from imodbatch.core.voxels import voxel_indices
+from imodbatch.core.placing import place
 from imodbatch.images import UnreadableImageError
 from imodbatch.schemas import OBSERVATIONS
 from imodbatch.stages.base import (
@@ -78,20 +77,15 @@ def run(
             points_world[rows] = apply(world_from_cam[frame_index], points_cam[rows])
             cameras_world[rows] = world_from_cam[frame_index][:3, 3]
             status[rows] = "placed"
-    azimuth, elevation = view_angles(points_world, cameras_world)
-    grid = viewpoint.grid()
-    excess = grid.elevation_excess_rad(elevation)
+    places = place(points_world, cameras_world, viewpoint.grid(), config.voxel_size_m)
     is_open = status == "placed"
     status[is_open & np.isnan(depth_m)] = "no_depth"
     too_far = depth_m > config.max_depth_m
-    too_steep = excess > np.radians(viewpoint.elevation_margin_deg) + 1e-12
+    too_steep = places.is_too_steep(viewpoint.elevation_margin_deg)
     status[is_open & (too_far | too_steep)] = "out_of_range"
     placed = status == "placed"
 
     has_place = placed | (status == "out_of_range")
-    voxels = voxel_indices(np.where(placed[:, None], points_world, 0.0), config.voxel_size_m)
-    azimuth_bin = grid.azimuth_bins(np.where(placed, azimuth, 0.0))
-    elevation_bin = grid.elevation_bins(np.where(placed, elevation, 0.0))
     table = from_columns(
         OBSERVATIONS,
         {
@@ -99,11 +93,11 @@ def run(
             "status": status.tolist(),
             "depth_m": pa.array(depth_m, mask=np.isnan(depth_m)),
             **_masked(points_world, ("x_m", "y_m", "z_m"), has_place),
-            **_masked(voxels, ("voxel_i", "voxel_j", "voxel_k"), placed),
-            "azimuth_rad": pa.array(azimuth, mask=~has_place),
-            "elevation_rad": pa.array(elevation, mask=~has_place),
-            "azimuth_bin": pa.array(azimuth_bin, mask=~placed),
-            "elevation_bin": pa.array(elevation_bin, mask=~placed),
+            **_masked(places.voxel, ("voxel_i", "voxel_j", "voxel_k"), placed),
+            "azimuth_rad": pa.array(places.azimuth_rad, mask=~has_place),
+            "elevation_rad": pa.array(places.elevation_rad, mask=~has_place),
+            "azimuth_bin": pa.array(places.azimuth_bin, mask=~placed),
+            "elevation_bin": pa.array(places.elevation_bin, mask=~placed),
         },
     )
     counts = {name: int((status == name).sum()) for name in STATUSES}

@@ -1,173 +1,43 @@
-"""limits: how much the voxel size matters, and what holds fusion back; the second half of score.
+"""limits: how much the voxel size matters, and what holds fusion back; the second part of score.
 
 Both fuse again in memory, from the places that `lift` found, and write what they see. Nothing here
 feeds back into a result.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from imodbatch.config import Pipeline
-from imodbatch.core.diagnosis import LOOSE_IOU, Overlaps, overlaps, spread
-from imodbatch.core.precision import ap_voc07_11pt
-from imodbatch.core.scoring import (
-    Candidates,
-    Truth,
-    average_precisions,
-    match_all,
-    mean_over_classes,
-)
-from imodbatch.core.voxels import group_labels, voxel_indices
+from imodbatch.core.diagnosis import LOOSE_IOU, Overlaps, spread
 from imodbatch.schemas import LOSSES, SWEEPS
-from imodbatch.stages.base import (
-    Progress,
-    StageResult,
-    boxes_of,
-    column,
-    image_numbers,
-    truth_of,
-    world_from_cam_of,
-)
-from imodbatch.stages.evidence import (
-    everywhere,
-    fuse_variants,
-    places_of,
-    shaped_scores,
-    sightings_of,
-    stand_aside,
-    survival,
-    voxels_of,
-)
+from imodbatch.stages.base import Progress, StageResult
+from imodbatch.stages.evidence import places_of
+from imodbatch.stages.refusion import METRIC, Evidence, camera_centers
 from imodbatch.tables import empty, from_rows
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-SWEEP_METRIC = "ap_voc07_11pt"
 CEILING_METHODS = ("imod", "imod_offline")
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """All boxes of a run as arrays, to be fused again and again."""
-
-    frames: pa.Table
-    annotations: pa.Table
-    detections: pa.Table
-    observations: pa.Table
-    n_classes: int
-    pipeline: Pipeline
-
-    @cached_property
-    def scores(self) -> NDArray[np.float32]:
-        """(n, K, M, N)."""
-        return shaped_scores(self.detections, self.n_classes, self.pipeline.viewpoint)
-
-    @cached_property
-    def placed(self) -> Ints:
-        """Rows of the boxes that have a place."""
-        return np.flatnonzero(column(self.observations, "status") == "placed")
-
-    @cached_property
-    def image(self) -> Ints:
-        """(n,) image number of every box; it rises with sequence and frame."""
-        return image_numbers(self.frames, self.detections)
-
-    @cached_property
-    def sequence(self) -> Ints:
-        """(n,) number of the sequence of every box."""
-        names = column(self.detections, "sequence_id").astype(str)
-        return np.unique(names, return_inverse=True)[1]
-
-    @cached_property
-    def truth(self) -> Truth:
-        """The annotations."""
-        return truth_of(self.annotations, image_numbers(self.frames, self.annotations))
-
-    @cached_property
-    def survives(self) -> NDArray[np.bool_]:
-        """(n, K) for which classes each box is a candidate."""
-        return survival(self.detections, self.n_classes)
-
-    @cached_property
-    def survivors(self) -> tuple[Ints, Ints]:
-        """Box (D,) and class (D,) of every candidate."""
-        box, class_id = np.nonzero(self.survives)
-        return box, class_id
-
-    @cached_property
-    def candidates(self) -> Candidates:
-        """A candidate per box and class for which it survived."""
-        box, class_id = self.survivors
-        return Candidates(self.image[box], class_id, boxes_of(self.detections)[box])
-
-    @cached_property
-    def overlaps(self) -> Overlaps:
-        """Best overlaps of annotations and candidates."""
-        return overlaps(self.candidates, self.truth)
-
-    def voxel_numbers(self, voxel_size_m: float) -> Ints:
-        """(V,) voxel number of the placed boxes, voxels of different sequences apart."""
-        voxels = voxel_indices(places_of(self.observations)[self.placed], voxel_size_m)
-        return self._number(voxels)
-
-    @cached_property
-    def own_voxels(self) -> Ints:
-        """(V,) voxel numbers as `lift` wrote them."""
-        return self._number(voxels_of(self.observations.take(self.placed)))
-
-    def _number(self, voxels: Ints) -> Ints:
-        return group_labels(np.column_stack([self.sequence[self.placed], voxels]))
-
-    def candidate_scores(self, voxel_numbers: Ints) -> dict[str, Array]:
-        """Method → (D,) scores of the candidates when boxes meet in the voxels given."""
-        seen = self.observations.take(self.placed)
-        sightings = sightings_of(
-            seen, self.scores[self.placed], voxel_numbers[:, None], self.image[self.placed]
-        )
-        box, class_id = self.survivors
-        config = self.pipeline.fuse
-        fused = fuse_variants(sightings, config)
-        standing = stand_aside(fused, sightings, self.survives[self.placed], config)
-        return {
-            # rounded as the fused table stores them, so that ties are the same
-            name: everywhere(result, self.placed, self.scores)
-            .score[box, class_id]
-            .astype(np.float32)
-            .astype(np.float64)
-            for name, result in standing.items()
-        }
-
-    def average_precisions(self, scores: Array, iou_percent: int) -> Array:
-        """11-point AP per class (K,)."""
-        rule = self.pipeline.score.matching
-        found = match_all(self.candidates, scores, self.truth, iou_percent / 100, rule)
-        counted = self.truth.counted(self.n_classes)
-        return average_precisions(self.candidates, scores, found.outcome, counted, ap_voc07_11pt)
 
 
 def sweep(evidence: Evidence, progress: Progress[float] = iter) -> StageResult:
     """Mean AP of every method at every voxel size asked."""
     rows: list[dict[str, Any]] = []
-    iou_percent = evidence.pipeline.score.iou_percents[0]
     for size_m in progress(evidence.pipeline.score.voxel_sweep_m):
-        numbers = evidence.voxel_numbers(size_m)
-        for name, scores in evidence.candidate_scores(numbers).items():
-            value = mean_over_classes(evidence.average_precisions(scores, iou_percent))
-            rows.append(
-                {
-                    "method": name,
-                    "voxel_mm": round(1000 * size_m),
-                    "metric": SWEEP_METRIC,
-                    "value": value if np.isfinite(value) else None,
-                }
-            )
+        meeting = replace(evidence.own_meeting, voxel=evidence.voxel_numbers(size_m))
+        rows += [
+            {
+                "method": method,
+                "voxel_mm": round(1000 * size_m),
+                "metric": METRIC,
+                "value": value,
+            }
+            for method, value in evidence.mean_average_precisions(meeting).items()
+        ]
     table = from_rows(SWEEPS, rows) if rows else empty(SWEEPS)
     sizes = len(evidence.pipeline.score.voxel_sweep_m)
     return StageResult({"sweeps": table}, f"{table.num_rows} APs at {sizes} voxel sizes")
@@ -219,7 +89,7 @@ def _place_losses(evidence: Evidence, poses: pa.Table, k: int) -> dict[str, tupl
     names = [sighted[int(box)] for box in boxes]
     instance = np.unique(names, return_inverse=True)[1] if names else np.zeros(0, dtype=np.int64)
     voxel = evidence.own_voxels[row_of_box[boxes]]
-    cameras = _camera_centers(evidence, poses)[evidence.image[boxes]]
+    cameras = camera_centers(evidence.frames, poses)[evidence.image[boxes]]
     found = spread(instance, voxel, places_of(evidence.observations)[boxes], cameras)
     return {
         "unplaced": _share(~has_place),
@@ -256,21 +126,6 @@ def _false_in_true_voxel(
     stray = stray[row_of_box[stray] >= 0]
     voxels = evidence.own_voxels[row_of_box[stray]]
     return _share(np.isin(voxels, sorted(true_voxels)))
-
-
-def _camera_centers(evidence: Evidence, poses: pa.Table) -> Array:
-    """Camera centres by image number (F, 3), NaN where lost."""
-    centers = np.full((evidence.frames.num_rows, 3), np.nan)
-    for sequence_id in set(poses["sequence_id"].to_pylist()):
-        of_sequence = poses.filter(pc.equal(poses["sequence_id"], sequence_id))
-        known = world_from_cam_of(of_sequence)
-        keys = pa.table(
-            {"sequence_id": [sequence_id] * len(known), "frame_index": list(known)},
-        )
-        numbers = image_numbers(evidence.frames, keys)
-        if known:
-            centers[numbers] = np.stack([transform[:3, 3] for transform in known.values()])
-    return centers
 
 
 def _ceilings(evidence: Evidence) -> list[dict[str, Any]]:

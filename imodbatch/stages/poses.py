@@ -1,46 +1,60 @@
 """poses: frames + a trajectory → a pose, and a status, for every frame, in a world with +z up."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pyarrow as pa
 from numpy.typing import ArrayLike, NDArray
 
 from imodbatch.config import PosesConfig
-from imodbatch.core.frames import quaternion_from_matrix
 from imodbatch.core.trajectory import (
     INTERPOLATED,
     LOST,
+    STATUSES,
     TRACKED,
     FramePoses,
+    Trajectory,
     associate,
     interpolate,
     level,
 )
 from imodbatch.datasets.base import Odometry
+from imodbatch.datasets.odometry_checks import contradictions, left_out, why_none_fits
 from imodbatch.errors import DataError
 from imodbatch.schemas import POSES
-from imodbatch.stages.base import StageResult, column, tally
+from imodbatch.stages.base import StageResult, column, pose_columns, tally
 from imodbatch.tables import from_columns
 
 NS_PER_MS = 1_000_000
-UpEstimator = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], str]]
 
 
-def run(
-    frames: pa.Table,
-    odometry: Odometry | None,
-    up: ArrayLike | None,
-    estimate_up: UpEstimator,
-    config: PosesConfig,
-) -> StageResult:
-    """Give every frame of a sequence a pose or the status ``lost``.
+def run(frames: pa.Table, trajectory: Trajectory, up: ArrayLike, how: str) -> StageResult:
+    """Give every frame of a sequence a pose or the status ``lost``, in a world with +z up.
+
+    Args:
+        frames: the frames table of one sequence.
+        trajectory: poses of these frames in a world of their own.
+        up: (3,) direction of that world that points up.
+        how: how that is known, for the summary.
+    """
+    poses = trajectory.poses
+    levelled = level(poses.world_from_cam, up)
+    counts = {s: int((poses.status == s).sum()) for s in STATUSES}
+    parts = (tally(frames.num_rows, "frames", counts), trajectory.summary, how)
+    table = _table(frames, levelled, poses.status)
+    direction = [float(value) for value in np.asarray(up, dtype=np.float64)]
+    return StageResult(
+        {"poses": table},
+        "; ".join(part for part in parts if part),
+        list(trajectory.warnings),
+        {"up": direction, "levelling": how},
+    )
+
+
+def from_odometry(frames: pa.Table, odometry: Odometry | None, config: PosesConfig) -> Trajectory:
+    """The poses that a dataset gives, for its frames.
 
     Args:
         frames: the frames table of one sequence.
         odometry: poses as the dataset gives them; None = it has none.
-        up: (3,) direction of the poses' world that points up; None = estimate it.
-        estimate_up: poses (F, 4, 4) of the frames → up (3,) and how it was found.
         config: association and interpolation.
 
     Raises:
@@ -49,8 +63,8 @@ def run(
     sequence_id = frames["sequence_id"][0].as_py()
     if odometry is None:
         raise DataError(
-            f"{sequence_id}: the dataset gives no camera poses. "
-            "Add [odometry] with format and path to the manifest."
+            f"{sequence_id}: the dataset gives no camera poses. Add [odometry] with format and "
+            "path to the manifest, or estimate them: poses.source = 'slam' or 'sfm'."
         )
     if odometry.frame_index is not None:
         poses = _by_number(column(frames, "frame_index"), odometry)
@@ -58,25 +72,25 @@ def run(
         poses = _by_stamp(frames, odometry, config, sequence_id)
     if (poses.status == LOST).all():
         raise DataError(
-            f"{sequence_id}: none of {frames.num_rows} frames has a pose. Raise poses.max_gap_ms, "
-            "or check odometry.clock_offset_ms and odometry.format."
+            f"{sequence_id}: none of {frames.num_rows} frames has a pose. "
+            + why_none_fits(column(frames, "frame_index"), _stamps(frames), odometry)
         )
-    how = "up as given"
-    if up is None:
-        up, how = estimate_up(poses.world_from_cam)
-    levelled = level(poses.world_from_cam, up)
-    counts = {s: int((poses.status == s).sum()) for s in (TRACKED, INTERPOLATED, LOST)}
-    summary = f"{tally(frames.num_rows, 'frames', counts)}; {how}"
-    table = _table(frames, levelled, poses.status)
-    direction = [float(value) for value in np.asarray(up, dtype=np.float64)]
-    return StageResult({"poses": table}, summary, attributes={"up": direction, "levelling": how})
+    return Trajectory(poses, left_out(odometry), contradictions(odometry))
+
+
+def _stamps(frames: pa.Table) -> NDArray[np.int64] | None:
+    """Moments of the frames, None where one is unknown."""
+    return None if frames["timestamp_ns"].null_count else frames["timestamp_ns"].to_numpy()
 
 
 def _by_number(frame_index: NDArray[np.int64], odometry: Odometry) -> FramePoses:
     """Poses that belong to frames by number."""
     if len(odometry.world_from_color) == 0:
         return FramePoses.from_matrices(np.full((len(frame_index), 4, 4), np.nan))
-    row_of = {int(number): row for row, number in enumerate(odometry.frame_index)}  # type: ignore[arg-type]
+    given = FramePoses.from_matrices(odometry.world_from_color)
+    row_of: dict[int, int] = {}
+    for row in np.flatnonzero(given.status == TRACKED):
+        row_of.setdefault(int(odometry.frame_index[row]), int(row))  # type: ignore[index]
     rows = np.array([row_of.get(int(number), -1) for number in frame_index])
     chosen = np.where((rows >= 0)[:, None, None], odometry.world_from_color[rows], np.nan)
     return FramePoses.from_matrices(chosen)
@@ -86,12 +100,12 @@ def _by_stamp(
     frames: pa.Table, odometry: Odometry, config: PosesConfig, sequence_id: str
 ) -> FramePoses:
     """Poses that belong to frames by moment: association one to one, then interpolation."""
-    if frames["timestamp_ns"].null_count:
+    at = _stamps(frames)
+    if at is None:
         raise DataError(
             f"{sequence_id}: frames have no timestamps, and the trajectory is by timestamp. Give "
             "images.timestamps, images.frames_per_second or {stamp} in images.color."
         )
-    at = frames["timestamp_ns"].to_numpy()
     given = FramePoses.from_matrices(odometry.world_from_color)
     usable = np.flatnonzero(given.status == TRACKED)
     stamps, first = np.unique(odometry.timestamp_ns[usable], return_index=True)  # type: ignore[index]
@@ -115,11 +129,6 @@ def _by_stamp(
 def _table(
     frames: pa.Table, world_from_cam: NDArray[np.float64], status: NDArray[np.str_]
 ) -> pa.Table:
-    known = status != LOST
-    quaternion = np.full((len(status), 4), np.nan)
-    quaternion[known] = quaternion_from_matrix(world_from_cam[known, :3, :3])
-    values = np.concatenate([world_from_cam[:, :3, 3], quaternion], axis=1)
-    names = ("tx_m", "ty_m", "tz_m", "qw", "qx", "qy", "qz")
-    columns = {name: pa.array(values[:, i], mask=~known) for i, name in enumerate(names)}
     keys = {name: frames[name] for name in ("sequence_id", "frame_index")}
-    return from_columns(POSES, {**keys, **columns, "status": status.tolist()})
+    columns = {**keys, **pose_columns(world_from_cam), "status": status.tolist()}
+    return from_columns(POSES, columns)

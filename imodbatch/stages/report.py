@@ -15,9 +15,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from imodbatch.config import ReportConfig
+from imodbatch.reporting.camera_poses import pose_csv, pose_section
 from imodbatch.reporting.files import write_whole
 from imodbatch.reporting.gallery import ReadColor, gallery
 from imodbatch.reporting.grids import Grid
+from imodbatch.reporting.jitters import jitter_csv, jitter_section
 from imodbatch.reporting.losses import losses_grid, status_counts, status_csv, status_grid
 from imodbatch.reporting.names import OFFLINE, in_order, method_style, number, plural
 from imodbatch.reporting.paper import MARK, PaperColumn, columns
@@ -87,6 +89,10 @@ def run(
         ),
         "status": status_grid(counts, results.sequence_ids),
         "losses": losses_grid(complete["losses"], run_info),
+        "camera_poses": pose_section(
+            *(complete[name] for name in ("pose_quality", "poses", "reference_poses"))
+        ),
+        "jitter": jitter_section(complete["jitters"]),
         "dictionary": _dictionary(complete),
     }
     out_dir.mkdir(parents=True, exist_ok=True)
@@ -96,6 +102,11 @@ def run(
     write_whole(out_dir / "precision_recall.md", _markdown(at_threshold, remark))
     write_whole(out_dir / "precision_recall.csv", precision_recall_csv(results, run_info.classes))
     write_whole(out_dir / "status_counts.csv", status_csv(counts))
+    if context["camera_poses"]:
+        write_whole(out_dir / "poses.md", context["camera_poses"].markdown)
+        write_whole(out_dir / "poses.csv", pose_csv(complete["pose_quality"]))
+    if context["jitter"]:
+        write_whole(out_dir / "jitters.csv", jitter_csv(complete["jitters"]))
     write_whole(out_dir / PAGE, _page({**context, "info": run_info}))
     return out_dir / PAGE
 

@@ -18,7 +18,8 @@ from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.reporting.run_folder import open_run
 from imodbatch.schemas import TABLES
 from imodbatch.stages.evidence import sightings_of
-from imodbatch.stages.limits import Evidence, best_boxes, oracle_voxels
+from imodbatch.stages.limits import best_boxes, oracle_voxels
+from imodbatch.stages.refusion import Evidence
 from imodbatch.tables import read_table, table_path
 
 Array = NDArray[np.float64]

@@ -95,6 +95,62 @@ def test_without_a_baseline_each_ray_keeps_its_depth(name):
     assert assert_nearest_neighbour(registered, depth, DEPTH_CAMERA, COLOR_CAMERAS[name]) > 500
 
 
+def random_camera(rng, size_px, focal_px):
+    """A camera whose image may look past that of another, with borders on a grid of 1/8 pixel."""
+    width, height = (int(n) for n in rng.integers(*size_px, 2))
+    fx, fy = rng.uniform(*focal_px, 2)
+    cx, cy = np.round(rng.uniform(-0.2, 1.2, 2) * [width, height] * 8) / 8
+    return PinholeCamera(width, height, fx, fy, cx, cy)
+
+
+def assert_looking_up_is_splatting(depth_m, depth_camera, color_camera):
+    """With a baseline of zero, register takes the way of cameras that stand apart."""
+    looked_up = register(depth_m, depth_camera, color_camera)
+    splatted = register(depth_m, depth_camera, color_camera, np.eye(4))
+    np.testing.assert_array_equal(looked_up, splatted, strict=True)
+    return np.isfinite(looked_up).sum()
+
+
+def holed(rng, camera):
+    depth = rng.uniform(0.4, 8, (camera.height_px, camera.width_px))
+    depth[rng.random(depth.shape) < 0.2] = NAN
+    depth[rng.random(depth.shape) < 0.05] = np.inf
+    return frozen(depth)
+
+
+@pytest.mark.parametrize("name", COLOR_CAMERAS)
+def test_looking_up_is_bit_by_bit_what_the_z_buffer_gives(name):
+    depth = holed(np.random.default_rng(5), DEPTH_CAMERA)
+    assert assert_looking_up_is_splatting(depth, DEPTH_CAMERA, COLOR_CAMERAS[name]) > 100
+
+
+@pytest.mark.parametrize("size_px", [(8, 40), (60, 150)], ids=["coarser", "finer"])
+def test_looking_up_is_the_z_buffer_for_any_two_cameras(size_px):
+    rng = np.random.default_rng(6)
+    seen = []
+    for _ in range(60):
+        depth_camera = random_camera(rng, (8, 60), (20, 60))
+        focal_px = (20, 60) if size_px[0] < 60 else (60, 150)
+        color_camera = random_camera(rng, size_px, focal_px)
+        depth = holed(rng, depth_camera)
+        seen.append(assert_looking_up_is_splatting(depth, depth_camera, color_camera))
+    assert sum(n > 0 for n in seen) > 30
+
+
+@pytest.mark.parametrize("shift_px", [-500.0, 500.0])
+def test_a_colour_camera_that_looks_past_the_depth_image_sees_none(shift_px):
+    aside = PinholeCamera(64, 48, 52.5, 52.5, 32.0 + shift_px, 24.0)
+    depth = holed(np.random.default_rng(7), DEPTH_CAMERA)
+    assert assert_looking_up_is_splatting(depth, DEPTH_CAMERA, aside) == 0
+
+
+def test_depth_of_zero_or_less_is_none():
+    depth = np.full((48, 64), 2.0)
+    depth[3:9], depth[20:30] = 0.0, -1.0
+    registered = register(frozen(depth), DEPTH_CAMERA, COLOR_CAMERAS["wider"])
+    assert set(registered[np.isfinite(registered)].tolist()) == {2.0}
+
+
 def test_a_kinect_s_depth_focal_length_of_585_px_against_525_px():
     """RedKitchen: the wider colour camera sees a border of 32 columns that has no depth."""
     depth_camera = PinholeCamera(640, 480, 585.0, 585.0, 320.0, 240.0)

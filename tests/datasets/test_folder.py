@@ -7,7 +7,7 @@ from imodbatch.datasets import folder
 from imodbatch.datasets.patterns import PathPattern, natural_key
 from imodbatch.datasets.registry import adapter_of, camera_model
 from imodbatch.errors import ConfigError, DataError, ImodError
-from imodbatch.manifest import Manifest
+from imodbatch.manifest import Manifest, ReferenceSection
 
 COLOR = {"width_px": 64, "height_px": 48, "fx_px": 50, "fy_px": 50, "cx_px": 32, "cy_px": 24}
 S = 1_000_000_000
@@ -283,6 +283,25 @@ def test_odometry_is_what_the_manifest_points_at(tmp_path):
     given = split(tmp_path, {"color": "{frame}.png"}, odometry={"format": "tum", "path": "t.txt"})
     assert folder.odometry_files(given, section) == [tmp_path / "walk" / "t.txt"]
     assert folder.odometry(given, section, []).timestamp_ns.tolist() == [S]
+
+
+def test_the_reference_is_what_the_manifest_points_at_and_nothing_else(tmp_path):
+    touch(tmp_path / "walk", "1.png", "2.png")
+    (tmp_path / "walk" / "t.txt").write_text("1 2 3 4 0 0 0 1\n")
+    (tmp_path / "walk" / "true.txt").write_text("2 5 6 7 0 0 0 1\n")
+    odometry = {"format": "tum", "path": "t.txt"}
+    plain = split(tmp_path, {"color": "{frame}.png"}, odometry=odometry)
+    section = plain.sequences[0]
+    assert folder.reference(plain, section) is None
+    assert folder.reference_files(plain, section) == []
+    given = plain.model_copy(
+        update={"reference": ReferenceSection(format="tum", path="true.txt", unit_m=0.5)}
+    )
+    assert folder.reference_files(given, section) == [tmp_path / "walk" / "true.txt"]
+    assert folder.odometry_files(given, section) == [tmp_path / "walk" / "t.txt"]
+    true = folder.reference(given, section)
+    assert true.timestamp_ns.tolist() == [2 * S]
+    assert true.world_from_color[0, :3, 3].tolist() == [2.5, 3, 3.5]
 
 
 @pytest.mark.parametrize("frames", [None, "2:4"])

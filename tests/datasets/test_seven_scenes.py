@@ -13,7 +13,7 @@ from imodbatch.core.frames import make_transform, matrix_from_quaternion
 from imodbatch.datasets import seven_scenes
 from imodbatch.datasets.registry import adapter_of, camera_model
 from imodbatch.errors import DataError
-from imodbatch.manifest import Manifest, load_manifest
+from imodbatch.manifest import Manifest, OdometrySection, load_manifest
 from imodbatch.stages import index, poses
 
 DATA = os.environ.get("IMODBATCH_DATA")
@@ -128,7 +128,8 @@ def test_lost_tracking_loses_the_frame_alone(tmp_path, lost, baseline):
     manifest = split(tmp_path, camera={"color_from_depth": baseline})
     section = manifest.sequences[0]
     frames = index.run(manifest, section).tables["frames"]
-    result = poses.run(frames, found(manifest)[1], [0, 0, 1], None, PosesConfig())
+    trajectory = poses.from_odometry(frames, found(manifest)[1], PosesConfig())
+    result = poses.run(frames, trajectory, [0, 0, 1], "as given")
     table = result.tables["poses"]
     assert table["status"].to_pylist() == ["tracked", "lost", "lost", "tracked"]
     assert [value is None for value in table["qw"].to_pylist()] == [False, True, True, False]
@@ -150,6 +151,29 @@ def test_other_poses_can_be_pointed_at(tmp_path):
     assert odometry.world_from_color[0, :3, 3].tolist() == [9, 8, 7]
     files = seven_scenes.odometry_files(manifest, manifest.sequences[0])
     assert files == [tmp_path / "seq-01" / "slam.txt"]
+
+
+def test_the_reference_is_the_datasets_own_unless_another_is_named(tmp_path):
+    write_frame(tmp_path, 0)
+    (tmp_path / "seq-01" / "slam.txt").write_text("1 9 8 7 0 0 0 1\n")
+    other = OdometrySection(format="tum", path="slam.txt")
+    manifest = split(tmp_path, odometry=other.model_dump())
+    section = manifest.sequences[0]
+    true = seven_scenes.reference(manifest, section)
+    assert np.allclose(true.world_from_color[0], WORLD_FROM_DEPTH)
+    assert [path.name for path in seven_scenes.reference_files(manifest, section)] == [
+        "frame-000000.pose.txt"
+    ]
+    named = split(tmp_path, reference=other.model_dump())
+    assert seven_scenes.reference(named, section).world_from_color[0, :3, 3].tolist() == [9, 8, 7]
+    assert seven_scenes.reference_files(named, section) == [tmp_path / "seq-01" / "slam.txt"]
+
+
+def test_without_pose_files_there_is_no_reference(tmp_path):
+    write_frame(tmp_path, 0, pose=None)
+    manifest = split(tmp_path)
+    assert seven_scenes.reference(manifest, manifest.sequences[0]) is None
+    assert seven_scenes.reference_files(manifest, manifest.sequences[0]) == []
 
 
 def test_files_behind_the_poses(tmp_path):

@@ -1,13 +1,22 @@
-"""Trajectory files of four formats, in every variant a manifest can name, and every fault."""
+"""Trajectory files of five formats, in every variant a manifest can name, and every fault."""
 
 import numpy as np
 import pytest
 
-from imodbatch.core.frames import invert, make_transform, matrix_from_quaternion
+from imodbatch.config import PosesConfig
+from imodbatch.core.frames import (
+    invert,
+    make_transform,
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+)
 from imodbatch.datasets.base import FrameFile, nanoseconds
 from imodbatch.datasets.trajectories import NO_STAMP, read_odometry, trajectory_files
 from imodbatch.errors import DataError
 from imodbatch.manifest import Manifest
+from imodbatch.schemas import FRAMES
+from imodbatch.stages.poses import from_odometry
+from imodbatch.tables import from_rows
 
 Q_WXYZ = np.array([0.9, 0.1, -0.3, 0.2]) / np.linalg.norm([0.9, 0.1, -0.3, 0.2])
 POSE = make_transform(matrix_from_quaternion(Q_WXYZ), [0.5, -1.0, 2.0])
@@ -18,6 +27,7 @@ CSV_HEADER = "tx,ty,tz,qw,qx,qy,qz"
 CSV_LINE = f"0.5,-1.0,2.0,{W},{X},{Y},{Z}"
 COLOR_FROM_DEPTH = make_transform(matrix_from_quaternion([1, 0.02, 0.01, 0]), [-0.03, 0.0, 0.01])
 S = 1_000_000_000
+CAMERA = {"width_px": 4, "height_px": 3, "fx_px": 5, "fy_px": 5, "cx_px": 2, "cy_px": 1.5}
 
 
 def split(root, odometry, frames=None, **camera):
@@ -114,7 +124,8 @@ def test_the_clock_offset_is_added_to_the_stamps(tmp_path):
     for offset_ms, expected in ((2.5, 10_002_500_000), (-1000, 9 * S)):
         odometry = tum(tmp_path, text, clock_offset_ms=offset_ms)
         assert odometry.timestamp_ns[0] == expected
-        assert odometry.timestamp_ns[1] < NO_STAMP + 10**10
+        assert odometry.timestamp_ns[1] == NO_STAMP
+        assert np.isnan(odometry.world_from_color[1]).all()
 
 
 def test_quaternions_that_are_none_lose_their_pose_alone(tmp_path):
@@ -186,7 +197,73 @@ def test_one_file_for_all_sequences_or_one_each(tmp_path):
     assert len(read(tmp_path, {"format": "tum", "path": "all.txt"}).timestamp_ns) == 1
 
 
-# --- what the numbers mean
+# --- what the numbers mean: the right setting gives the true poses, a wrong one others
+
+
+def walk_files(root, poses, **more):
+    """A TUM file of poses at 0, 0.1, … s, and its reading."""
+    lines = []
+    for i, pose in enumerate(poses):
+        w, x, y, z = quaternion_from_matrix(pose[:3, :3])
+        numbers = [i / 10, *pose[:3, 3], x, y, z, w]
+        lines.append(" ".join(repr(float(number)) for number in numbers))
+    return tum(root, "\n".join(lines), **more).world_from_color
+
+
+@pytest.mark.parametrize("wrong", [{"convention": "cam_from_world"}, {"quaternion_order": "wxyz"}])
+def test_a_wrong_meaning_gives_other_poses(tmp_path, wrong):
+    truth = np.stack([POSE, OTHER @ POSE, POSE @ OTHER])
+    assert np.allclose(walk_files(tmp_path, truth), truth, atol=1e-9)
+    found = walk_files(tmp_path, truth, **wrong)
+    assert np.abs(found - truth).max(axis=(1, 2)).min() > 0.1
+
+
+def test_an_inverted_file_needs_its_convention(tmp_path):
+    truth = np.stack([POSE, OTHER @ POSE, POSE @ OTHER])
+    found = walk_files(tmp_path, invert(truth), convention="cam_from_world")
+    assert np.allclose(found, truth, atol=1e-9)
+
+
+def test_a_clock_that_runs_ahead_is_set_right_by_its_offset(tmp_path):
+    """The trajectory's clock shows 250 ms more than the cameras'; the camera moves at 1 m/s."""
+    seconds = np.arange(30) / 20
+    frames = from_rows(
+        FRAMES,
+        [
+            {
+                "sequence_id": "s",
+                "frame_index": i,
+                "timestamp_ns": round(t * S),
+                "color_path": f"{i}.png",
+                "depth_scale_m": 0.001,
+                **CAMERA,
+                **{f"depth_{name}": value for name, value in CAMERA.items()},
+            }
+            for i, t in enumerate(seconds)
+        ],
+    )
+    text = "\n".join(f"{t + 0.25:.3f} {t:.3f} 0 0 0 0 0 1" for t in seconds)
+
+    def places(**more):
+        trajectory = from_odometry(frames, tum(tmp_path, text, **more), PosesConfig())
+        return trajectory.poses.world_from_cam[:, 0, 3]
+
+    assert np.allclose(places(clock_offset_ms=-250), seconds, atol=1e-6)
+    off = np.abs(places() - seconds)
+    assert np.isnan(off[:5]).all()  # before the trajectory's first stamp
+    assert np.allclose(off[5:], 0.25, atol=1e-6)
+
+
+def test_settings_that_mean_nothing_are_refused(tmp_path):
+    for form, setting in (
+        ("kitti", {"quaternion_order": "wxyz"}),
+        ("csv", {"quaternion_order": "xyzw"}),
+        ("matrix", {"clock_offset_ms": 5.0}),
+        ("uw", {"clock_offset_ms": 5.0}),
+        ("tum", {"columns": {"tx": "x"}}),
+    ):
+        with pytest.raises(ValueError, match=f"{next(iter(setting))} means nothing .*{form!r}"):
+            split(tmp_path, {"format": form, "path": "t.txt", **setting})
 
 
 def test_cam_from_world_is_inverted(tmp_path):
@@ -250,6 +327,39 @@ def test_kitti_with_16_columns(tmp_path):
     put(tmp_path, " ".join(["0"] * 16))
     section = {"format": "kitti", "path": "t.txt"}
     fault(lambda: read(tmp_path, section, (0,)), "line 1: expected 12 numbers, found 16")
+
+
+# --- UW
+
+
+def uw(root, lines, numbers, **more):
+    put(root, "\n".join(lines), "01.pose")
+    return read(root, {"format": "uw", "path": "01.pose", **more}, numbers)
+
+
+def test_uw_v2_has_the_scalar_first_and_a_line_per_frame(tmp_path):
+    lines = [f"{W} {X} {Y} {Z} 0.5 -1.0 2.0", "0.5 0.5 0.5 0.5 1 2 3"]
+    odometry = uw(tmp_path, lines, (0, 1))
+    assert np.allclose(odometry.world_from_color, [POSE, OTHER], atol=1e-12)
+    assert odometry.frame_index.tolist() == [0, 1]
+    assert odometry.timestamp_ns is None
+    wrong = uw(tmp_path, lines[:1], (0,), quaternion_order="xyzw")
+    assert not np.allclose(wrong.world_from_color, POSE, atol=0.1)
+
+
+def test_uw_aligned_v1_has_two_stamps_first(tmp_path):
+    lines = [f"{t} {t + 7} {W} {X} {Y} {Z} 0.5 -1.0 2.0" for t in (1299116424, 1299116425)]
+    odometry = uw(tmp_path, lines, (1, 2))  # the scenes of v1 count frames from 1
+    assert np.allclose(odometry.world_from_color, POSE, atol=1e-12)
+    assert odometry.frame_index.tolist() == [1, 2]
+
+
+def test_uw_with_other_columns(tmp_path):
+    seven, nine = "1 0 0 0 1 2 3", "5 6 1 0 0 0 1 2 3"
+    fault(lambda: uw(tmp_path, ["1 2 3"], (0,)), "line 1: expected 7 or 9 numbers, found 3")
+    fault(lambda: uw(tmp_path, [seven, nine], (0, 1)), "line 2: expected 7 numbers, found 9")
+    fault(lambda: uw(tmp_path, [nine, seven], (0, 1)), "line 2: expected 9 numbers, found 7")
+    fault(lambda: uw(tmp_path, [seven], (0, 1)), "1 lines for 2 frames numbered 0 to 1")
 
 
 # --- a matrix per file
@@ -385,7 +495,7 @@ def test_csv_cells_left_empty_lose_the_pose(tmp_path):
         f"4, {CSV_LINE}",
     )
     finite = np.isfinite(odometry.world_from_color).all(axis=(1, 2))
-    assert finite.tolist() == [True, False, True, True]
+    assert finite.tolist() == [True, False, False, True]
     assert odometry.timestamp_ns.tolist() == [S, 2 * S, NO_STAMP, 4 * S]
 
 

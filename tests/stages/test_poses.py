@@ -51,12 +51,9 @@ def by_stamp(stamps_ms, matrices):
     return Odometry(np.array(matrices, dtype=float).reshape(-1, 4, 4), timestamp_ns=stamps)
 
 
-def refuse(_poses):
-    raise AssertionError("up is given")
-
-
-def run(frames, odometry, up=UP, estimate_up=refuse, **config):
-    return poses.run(frames, odometry, up, estimate_up, PosesConfig(**config))
+def run(frames, odometry, up=UP, how="up as given", **config):
+    trajectory = poses.from_odometry(frames, odometry, PosesConfig(**config))
+    return poses.run(frames, trajectory, up, how)
 
 
 def statuses(result):
@@ -165,18 +162,66 @@ def test_interpolation_steps_over_poses_that_are_none():
 
 
 @pytest.mark.parametrize(
-    "odometry",
+    ("odometry", "mentions"),
     [
-        by_stamp([5000], [pose(1)]),
-        by_stamp([], []),
-        by_number([7], [pose(1)]),
-        by_number([0], [np.full((4, 4), np.nan)]),
+        (by_stamp([], []), ("None of the trajectory's 0 poses", "odometry.format")),
+        (by_number([7, 9], [pose(1)] * 2), ("numbered 0 to 1, poses 7 to 9", "odometry.path")),
+        (by_number([0], [np.full((4, 4), np.nan)]), ("trajectory's 1 poses", "odometry.format")),
+        (by_stamp([-150, 240], [pose(1)] * 2), ("stamps are 140.000 ms apart", "max_gap_ms")),
     ],
-    ids=["far", "empty", "other numbers", "nan"],
+    ids=["empty", "other numbers", "nan", "far"],
 )
-def test_all_lost(odometry):
+def test_all_lost(odometry, mentions):
     frames = frames_table([0, 1], [0, 100])
-    fault(lambda: run(frames, odometry), "s: none of 2 frames", "max_gap_ms", "clock_offset_ms")
+    fault(lambda: run(frames, odometry), "s: none of 2 frames", *mentions)
+
+
+def test_clocks_apart_are_named_with_the_offset_that_joins_them():
+    start_ms = 1_305_031_102_175.0
+    frames = frames_table([0, 1], [start_ms, start_ms + 100])
+    moving = [pose(0), pose(1)]
+    fault(
+        lambda: run(frames, by_stamp([2000, 2100], moving)),
+        "Frames run from 1305031102.175 to 1305031102.275 s, the trajectory from 2.000 to 2.100 s",
+        "odometry.clock_offset_ms; +1305031100175.000 ms would",
+    )
+    fault(
+        lambda: run(frames_table([0, 1], [0, 100]), by_stamp([130, 150], moving)),
+        "Frames run from 0.000 to 0.100 s, the trajectory from 0.130 to 0.150 s",
+        "-130.000 ms would",
+    )
+    fault(lambda: run(frames_table([0], [0]), by_stamp([330, -340], moving)), "330.000 ms apart")
+
+
+def test_contradicting_stamps_are_counted_and_the_first_counts():
+    frames = frames_table([0, 1], [100, 200])
+    odometry = by_stamp([200, 100, 200, 200, 100], [pose(2), pose(1), pose(5), pose(2), pose(1)])
+    result = run(frames, odometry)
+    assert xs(result) == [1.0, 2.0]
+    (warning,) = result.warnings
+    assert "1 of 2 stamps" in warning
+    assert "3.000 m apart; the first" in warning
+
+
+def test_contradicting_frame_numbers_are_counted_and_the_first_counts():
+    nan = np.full((4, 4), np.nan)
+    result = run(frames_table([4, 6]), by_number([6, 4, 6, 6], [nan, pose(1), pose(3), pose(2)]))
+    assert xs(result) == [1.0, 3.0]
+    (warning,) = result.warnings
+    assert "1 of 2 frame numbers" in warning
+    assert "1.000 m apart" in warning
+
+
+def test_repeated_poses_are_no_contradiction():
+    odometry = by_stamp([0, 0, 100], [pose(0), pose(0), pose(1)])
+    assert run(frames_table([0, 1], [0, 100]), odometry).warnings == []
+
+
+def test_poses_left_out_of_a_trajectory_by_stamp_are_counted():
+    odometry = by_stamp([0, 50, 100], [pose(0), np.full((4, 4), np.nan), pose(1)])
+    result = run(frames_table([0, 1], [0, 100]), odometry)
+    assert "; 1 of the trajectory's 3 poses left out: no stamp or no transform; " in result.summary
+    assert result.warnings == []
 
 
 def test_an_empty_trajectory_by_number():
@@ -209,18 +254,10 @@ def test_a_given_up_becomes_z(up):
     assert result.attributes == {"up": list(map(float, up)), "levelling": "up as given"}
 
 
-def test_an_estimated_up_sees_the_poses_and_is_reported():
-    seen = []
-
-    def estimate(world_from_cam):
-        seen.append(world_from_cam)
-        return np.array([0.0, -1.0, 0.0]), "up from a lambda"
-
-    result = run(frames_table([0, 1]), by_number([1], [pose(4)]), up=None, estimate_up=estimate)
-    assert seen[0].shape == (2, 4, 4)
-    assert np.isnan(seen[0][0]).all()
-    assert np.allclose(seen[0][1], pose(4), atol=1e-12)
-    assert result.summary == "2 frames = 1 tracked + 1 lost; up from a lambda"
-    assert result.attributes == {"up": [0.0, -1.0, 0.0], "levelling": "up from a lambda"}
+def test_how_up_was_found_is_reported():
+    frames, odometry = frames_table([0, 1]), by_number([1], [pose(4)])
+    result = run(frames, odometry, up=(0.0, -1.0, 0.0), how="up from planes")
+    assert result.summary == "2 frames = 1 tracked + 1 lost; up from planes"
+    assert result.attributes == {"up": [0.0, -1.0, 0.0], "levelling": "up from planes"}
     levelled = world_from_cam_of(result.tables["poses"])[1]
     assert np.allclose(levelled[:3, :3] @ [0, -1, 0], [0, 0, 1], atol=1e-9)

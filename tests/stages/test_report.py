@@ -17,6 +17,7 @@ import pytest
 from imodbatch.config import ReportConfig
 from imodbatch.errors import DataError
 from imodbatch.reporting import paper
+from imodbatch.reporting.camera_poses import pose_section
 from imodbatch.reporting.figures import precision_recall_svg
 from imodbatch.reporting.gallery import choose_frames
 from imodbatch.reporting.names import DASH, in_order, method_style
@@ -150,6 +151,33 @@ def make_tables():
     for voxel_mm, value in ((100, 0.5), (200, 0.625), (400, None)):
         sweep = {"method": "imod", "voxel_mm": voxel_mm, "metric": "ap_voc07_11pt"}
         rows["sweeps"].append({**sweep, "value": value})
+    for sequence_id, metric, value, n in (
+        ("desk", "frames", 3.0, 3),
+        ("desk", "path_length_m", 2.0, 3),
+        ("desk", "depth_consistency_share", 0.985, 500),
+        ("desk", "loop_error_median_m", 0.0625, 7),
+        ("desk", "ate_se3_rmse_m", 0.03125, 3),
+        ("desk", "loop_closures", 4.0, 3),
+        ("shelf", "frames", 3.0, 3),
+        ("shelf", "path_length_m", 1.0, 2),
+        ("shelf", "depth_consistency_share", None, 0),
+    ):
+        rows["pose_quality"].append(
+            {"sequence_id": sequence_id, "metric": metric, "value": value, "n": n}
+        )
+    rows["reference_poses"] = [
+        {**{name: x for name, x in row.items() if name != "status"}, "ty_m": 0.75}
+        for row in rows["poses"]
+        if row["sequence_id"] == "desk"
+    ]
+    for kind, level, value in (("jitter", 0, 0.5), ("jitter", 50, 0.375), ("drift", 0, None)):
+        rows["jitters"].append(
+            {
+                **{"method": "imod", "kind": kind, "translation_mm": level, "rotation_mdeg": 0},
+                **{"metric": "ap_voc07_11pt", "value": value, "n_repeats": 3},
+                "spread": 0.125 if level else None,
+            }
+        )
     rows["losses"] = [
         {"class_id": 0, "cause": "no_box", "value": 0.375, "n": 12},
         {"class_id": 0, "cause": "made_up", "value": None, "n": 0},
@@ -385,7 +413,7 @@ def test_equal_input_makes_equal_bytes_also_in_another_process(out_dir, tmp_path
         env={**os.environ, "PYTHONHASHSEED": "77", "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     names = sorted(path.name for path in out_dir.iterdir())
-    assert len(names) == 6
+    assert len(names) == 9
     assert names == sorted(path.name for path in tmp_path.iterdir())  # and no partial is left
     for name in names:
         assert (tmp_path / name).read_bytes() == (out_dir / name).read_bytes()
@@ -534,6 +562,63 @@ def test_the_sweep_is_drawn_or_its_absence_told(page, tmp_path):
     text = build(tmp_path, {**make_tables(), "sweeps": empty(TABLES["sweeps"])})
     assert "Mean AP over the voxel" not in text
     assert "No sweep over voxel sizes was run." in text
+
+
+def test_poses_are_judged_in_a_table_and_beside_the_page(out_dir, page):
+    rows = table_of(page, "poses")
+    assert texts(rows["desk"]) == ["2.0", "98.5", "6.2", "3.1"]
+    assert texts(rows["shelf"]) == ["1.0", DASH, DASH, DASH]
+    assert texts(table_of(page, "poses-source")["loop closures"]) == ["4", DASH]
+    assert "7 pairs" in page
+    assert "ATE (cm)" in page
+    markdown = (out_dir / "poses.md").read_text("utf-8")
+    assert "| shelf | 1.0 | –" in markdown
+    found = csv_rows(out_dir / "poses.csv")
+    assert len(found) == 9
+    assert {row["metric"]: row["value"] for row in found}["depth_consistency_share"] == ""
+
+
+def test_paths_are_drawn_beside_the_true_ones(page):
+    section = page.split("<h2>Camera poses</h2>")[1].split("<h2>")[0]
+    assert section.count("<svg") == 2
+    assert "Camera path from above, desk" in section
+    assert "true, aligned" in section
+    assert "3 frames, 1 lost" in section
+    assert "dashed #111827" in section  # the true path's swatch
+
+
+def test_frames_that_are_not_simply_tracked_are_marked():
+    tables = make_tables()
+    poses = tables["poses"].to_pylist()
+    poses[1]["status"] = "interpolated"
+    section = pose_section(
+        tables["pose_quality"], from_rows(TABLES["poses"], poses), empty(TABLES["reference_poses"])
+    )
+    assert section.marks == [("interpolated", "#9d4edd")]
+    assert not section.has_truth
+    (name, remark, svg), _ = section.paths
+    assert (name, remark) == ("desk", "3 frames, 1 interpolated")
+    assert "#9d4edd" in svg
+
+
+def test_poses_that_nobody_judged(tmp_path):
+    page = build(tmp_path, {**make_tables(), "pose_quality": empty(TABLES["pose_quality"])})
+    assert "The poses were not judged." in page
+    assert not list(tmp_path.glob("poses.*"))
+    assert "poses.csv" not in page
+
+
+def test_disturbed_poses_are_drawn_and_listed_or_not_mentioned(out_dir, page, tmp_path):
+    assert "Poses disturbed on purpose" in page
+    assert "under jitter of poses" in page
+    rows = table_of(page, "jitters")
+    names = ("jitter, none", "jitter, 50 mm", "drift, none")
+    assert [texts(rows[name]) for name in names] == [["0.500"], ["0.375"], [DASH]]
+    found = csv_rows(out_dir / "jitters.csv")
+    assert [row["spread"] for row in found] == ["", "0.125", ""]
+    text = build(tmp_path, {**make_tables(), "jitters": empty(TABLES["jitters"])})
+    assert "isturbed" not in text
+    assert not list(tmp_path.rglob("jitters.csv"))
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,11 @@ frames_per_second = {frames_per_second:.1f}
 format = "tum"
 path = "{{sequence}}/{path}"
 
+[reference]                      # judges the poses, and is used for nothing else
+format = "tum"
+path = "{{sequence}}/{true_path}"
+up = "+z"
+
 [annotations]
 format = "coco"
 path = "{{sequence}}/annotations.json"
@@ -83,6 +88,7 @@ def manifest_texts(
         "classes": "\n".join(f"    {_quoted(class_name)}," for class_name in classes),
         "camera": ", ".join(f"{field} = {value}" for field, value in asdict(camera).items()),
         "frames_per_second": FRAMES_PER_SECOND,
+        "true_path": TRUE_POSES_FILE,
     }
     sequences = "".join(
         _SEQUENCE.format(what=WHAT_IT_DOES[kind_of(index)], sequence_id=sequence_id)
