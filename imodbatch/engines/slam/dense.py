@@ -1,0 +1,73 @@
+"""Where features are too few: open3d's RGB-D odometry from one frame to the next, checked.
+
+Steinbrücker et al. 2011 and Park et al. 2017 (open3d's hybrid term) align brightness and depth as a
+whole. Whether the depth images say enough is asked of our own surfaces: on a bare wall they slide,
+and then there is no answer.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imodbatch.core.camera import PinholeCamera
+from imodbatch.core.depth import DepthImage
+from imodbatch.engines.open3d_library import open3d
+from imodbatch.engines.slam.registration import settle
+from imodbatch.engines.slam.surfaces import MAX_DEPTH_M, Surface
+
+Array = NDArray[np.float64]
+MAX_SIGMA_M = 0.01
+MIN_MET, MIN_FITTING = 0.5, 0.7
+MAX_DEPTH_JUMP_M = 0.07
+
+
+def dense_motion(
+    camera: PinholeCamera,
+    gray: tuple[NDArray[np.uint8], NDArray[np.uint8]],
+    depth_m: tuple[DepthImage, DepthImage],
+    surfaces: tuple[Surface, Surface],
+) -> Array | None:
+    """new_from_old (4, 4) of two frames (old, new), None where it is not certain."""
+    o3d = open3d()
+    odometry = o3d.pipelines.odometry
+    old, new = (
+        o3d.geometry.RGBDImage.create_from_color_and_depth(
+            o3d.geometry.Image(g),
+            o3d.geometry.Image(np.nan_to_num(d, nan=0.0).astype(np.float32)),
+            depth_scale=1.0,
+            depth_trunc=MAX_DEPTH_M,
+            convert_rgb_to_intensity=True,
+        )
+        for g, d in zip((np.ascontiguousarray(g) for g in gray), depth_m, strict=True)
+    )
+    # open3d counts pixels from their middles
+    intrinsics = o3d.camera.PinholeCameraIntrinsic(
+        camera.width_px,
+        camera.height_px,
+        camera.fx_px,
+        camera.fy_px,
+        camera.cx_px - 0.5,
+        camera.cy_px - 0.5,
+    )
+    found, new_from_old, _ = odometry.compute_rgbd_odometry(
+        old,
+        new,
+        intrinsics,
+        np.eye(4),
+        odometry.RGBDOdometryJacobianFromHybridTerm(),
+        odometry.OdometryOption(
+            depth_diff_max=MAX_DEPTH_JUMP_M, depth_min=0.1, depth_max=MAX_DEPTH_M
+        ),
+    )
+    if not found:
+        return None
+    settled = settle(camera, new_from_old, None, surfaces[1].samples, [(surfaces[0], np.eye(4))])
+    is_certain = _largest_sigma_m(settled.information) < MAX_SIGMA_M
+    if not is_certain or settled.met < MIN_MET or settled.fitting < MIN_FITTING:
+        return None
+    return settled.cam_from_world
+
+
+def _largest_sigma_m(information: Array) -> float:
+    """Standard deviation in metres along the direction of which the surfaces say least."""
+    covariance = np.linalg.inv(information + 1e-9 * np.eye(6))
+    return float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]))

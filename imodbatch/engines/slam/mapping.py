@@ -1,0 +1,289 @@
+"""The way of one frame: found, given up or a new start; now and then it becomes a keyframe."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imodbatch.core.camera import PinholeCamera
+from imodbatch.core.depth import DepthImage
+from imodbatch.core.frames import invert, orthonormal, twist_between
+from imodbatch.core.trajectory import DENSE, LOST, TRACKED
+from imodbatch.engines.slam import loops
+from imodbatch.engines.slam.dense import dense_motion
+from imodbatch.engines.slam.features import FeatureExtractor, Features
+from imodbatch.engines.slam.landmarks import NO_POINT, Keyframe, Landmarks
+from imodbatch.engines.slam.places import Places
+from imodbatch.engines.slam.refinement import Tie, bind, refine_all, refine_around
+from imodbatch.engines.slam.registration import settle
+from imodbatch.engines.slam.surfaces import SOURCE_STEP, Surface, surface
+from imodbatch.engines.slam.tracking import Frame, Located, better, follow, recognise
+
+Array = NDArray[np.float64]
+GrayImage = NDArray[np.uint8]
+MIN_TO_START = 100
+MIN_DEPTH_SHARE = 0.2
+FRAMES_BEFORE_RESTART = 3
+N_RECOGNISED = 3
+DOUBTFUL_SHARE = 0.6
+NEW_KEYFRAME_SHARE = 0.7
+MAX_SHIFT_SHARE, MAX_TURN_RAD = 0.12, np.radians(10.0)
+N_TARGETS, N_TIES, N_LATE_TIES = 2, 3, 4
+CLEAR_LOOP_M, CLEAR_LOOP_RAD = 0.03, np.radians(1.5)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A frame as it came in."""
+
+    position: int
+    gray: GrayImage
+    depth_m: DepthImage
+    frame: Frame
+    surface: Surface
+
+    @property
+    def features(self) -> Features:
+        """Its features."""
+        return self.frame.features
+
+
+@dataclass(frozen=True)
+class Record:
+    """Where a frame was found: relative to a keyframe, so that it follows its corrections."""
+
+    keyframe: int
+    cam_from_keyframe: Array
+    status: str
+
+
+@dataclass
+class Mapper:
+    """Tracks the camera of a sequence and maps what it sees.
+
+    Frames must come in order. `records` has an entry for every frame, None = lost.
+    """
+
+    camera: PinholeCamera
+    n_features: int
+    landmarks: Landmarks = field(default_factory=Landmarks)
+    records: list[Record | None] = field(default_factory=list)
+    n_loops: int = 0
+    n_relocalised: int = 0
+    largest_correction_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._extractor = FeatureExtractor(self.camera, self.n_features)
+        self._frames: list[Frame] = []
+        self._surfaces: list[Surface] = []
+        self._ties: list[Tie] = []
+        self._places = Places()
+        self._reference = -1
+        self._local = self._recent = np.zeros(0, dtype=np.int64)
+        self._last: Seen | None = None
+        self._pose, self._motion = np.eye(4), np.eye(4)
+        self._n_fitting = self._most_fitting = 0
+        self._n_failed = 0
+        self._n_parts = 0
+
+    def add(self, gray: GrayImage | None, depth_m: DepthImage | None) -> None:
+        """Locate the next frame; None = no such image."""
+        if gray is None or depth_m is None:
+            self._give_up(None)
+            return
+        features = self._extractor.extract(gray, depth_m)
+        seen = Seen(
+            len(self.records),
+            gray,
+            depth_m,
+            Frame(features, self.camera),
+            surface(depth_m, self.camera),
+        )
+        if self._last is None:
+            located = self._relocalise(seen)
+            self.n_relocalised += located is not None
+        else:
+            located = self._follow(seen)
+        if located is not None:
+            self._accept(seen, located)
+        elif not self._go_on_densely(seen):
+            self._give_up(seen)
+
+    def finish(self) -> None:
+        """Refine each part of the map as a whole."""
+        self._bind_what_overlaps()
+        for part in sorted({k.part for k in self.landmarks.keyframes}):
+            refine_all(self.landmarks, self._frames, self._ties, self.camera, part)
+
+    def _bind_what_overlaps(self) -> None:
+        """Tie keyframes that look at the same side from nearby, whenever they were taken."""
+        bound = {(min(t.first, t.second), max(t.first, t.second)) for t in self._ties}
+        for number in range(len(self.landmarks.keyframes)):
+            for other in loops.nearest(self.landmarks, number)[:N_LATE_TIES]:
+                pair = (min(number, other), max(number, other))
+                if pair not in bound:
+                    bound.add(pair)
+                    self._bind(*pair)
+
+    def _follow(self, seen: Seen) -> Located | None:
+        """Near where the camera should be by its motion, or as seen from the reference."""
+        guesses = [self._motion @ self._pose, self._pose]
+        enough = int(DOUBTFUL_SHARE * self._n_fitting)
+        located = follow(seen.frame, self.landmarks, self._recent, self._local, guesses, enough)
+        if located is None or len(located.rows) < enough:
+            keyframe = self.landmarks.keyframes[self._reference]
+            located = better(located, recognise(seen.frame, self.landmarks, keyframe, self._local))
+        return located
+
+    def _relocalise(self, seen: Seen) -> Located | None:
+        """Somewhere in the map, by places that look alike."""
+        scores = self._places.scores(seen.features.descriptors)
+        for k in np.argsort(-scores)[:N_RECOGNISED]:
+            keyframe = self.landmarks.keyframes[k]
+            nearby = self.landmarks.points_of(self.landmarks.surroundings(int(k)))
+            located = recognise(seen.frame, self.landmarks, keyframe, nearby)
+            if located is not None:
+                self._refer_to(int(k))
+                return located
+        return None
+
+    def _accept(self, seen: Seen, located: Located) -> None:
+        """Settle a located frame on the surfaces too, and keep it as a keyframe if it is new."""
+        numbers = [self._reference, *self.landmarks.keyframes[self._reference].neighbours]
+        settled = settle(
+            self.camera,
+            located.cam_from_world,
+            seen.frame.sightings(self.landmarks, located.point_ids, located.rows),
+            seen.surface.samples,
+            [
+                (self._surfaces[k], self.landmarks.keyframes[k].cam_from_world)
+                for k in numbers[:N_TARGETS]
+            ],
+        )
+        self._move_to(seen, settled.cam_from_world)
+        self._recent = located.point_ids
+        self._n_fitting = len(located.rows)
+        self._most_fitting = max(self._most_fitting, self._n_fitting)
+        if self._is_new(seen):
+            point_ids = np.full(len(seen.features), NO_POINT, dtype=np.int64)
+            point_ids[located.rows] = located.point_ids
+            self._keep(seen, point_ids, self.landmarks.keyframes[self._reference].part)
+            self._refine_and_close()
+            self._pose = self.landmarks.keyframes[self._reference].cam_from_world
+            self.records.append(Record(self._reference, np.eye(4), TRACKED))
+        else:
+            self._record(TRACKED)
+
+    def _is_new(self, seen: Seen) -> bool:
+        if self._n_fitting < NEW_KEYFRAME_SHARE * self._most_fitting:
+            return True
+        keyframe = self.landmarks.keyframes[self._reference]
+        away = twist_between(self._pose, keyframe.cam_from_world)
+        distance = float(np.nanmedian(seen.features.points_cam[:, 2]))
+        shift, turn = np.linalg.norm(away[:3]), np.linalg.norm(away[3:])
+        return bool(shift > MAX_SHIFT_SHARE * distance or turn > MAX_TURN_RAD)
+
+    def _keep(self, seen: Seen, point_ids: NDArray[np.int64], part: int) -> None:
+        keyframe = Keyframe(seen.position, seen.features, self._pose, point_ids, part)
+        number = self.landmarks.add_keyframe(keyframe)
+        self._frames.append(seen.frame)
+        self._surfaces.append(seen.surface)
+        self._places.add(seen.features.descriptors)
+        for other in keyframe.neighbours[:N_TIES]:
+            self._bind(other, number)
+        self._refer_to(number)
+
+    def _bind(self, first: int, second: int) -> None:
+        """Tie two keyframes by their surfaces, where these overlap."""
+        poses = [k.cam_from_world for k in self.landmarks.keyframes]
+        found = bind(self._surfaces, poses, first, second)
+        if found is not None:
+            self._ties.append(found)
+
+    def _refine_and_close(self) -> None:
+        """Refine the window of the newest keyframe; pull a loop together if it closes one."""
+        number = self._reference
+        refine_around(self.landmarks, self._frames, self._ties, self.camera, number)
+        loop = loops.find_loop(
+            self.landmarks, self._frames, self._surfaces, self._places, self.camera, number
+        )
+        if loop is None:
+            return
+        self.n_loops += 1
+        keyframes = self.landmarks.keyframes
+        if keyframes[loop.old].part != keyframes[loop.new].part:
+            loops.join_parts(self.landmarks, loop)
+        else:
+            self.largest_correction_m = max(self.largest_correction_m, loop.correction_m)
+            if loop.correction_m > CLEAR_LOOP_M or loop.correction_rad > CLEAR_LOOP_RAD:
+                loops.spread_correction(self.landmarks, self._ties, loop)
+        loops.fuse_points(self.landmarks, loop)
+        self.landmarks.update_neighbours(number)
+        self._bind(loop.old, number)
+        refine_around(self.landmarks, self._frames, self._ties, self.camera, number)
+        self._refer_to(number)
+
+    def _refer_to(self, number: int) -> None:
+        """Track against a keyframe and its surroundings from now on."""
+        self._reference = number
+        self._local = self.landmarks.points_of(self.landmarks.surroundings(number))
+        self._recent = self.landmarks.keyframes[number].seen
+        self._most_fitting = 0
+
+    def _move_to(self, seen: Seen, cam_from_world: Array) -> None:
+        was_lost = self._last is None
+        self._motion = np.eye(4) if was_lost else orthonormal(cam_from_world @ invert(self._pose))
+        self._pose = cam_from_world
+        self._last = seen
+        self._n_failed = 0
+
+    def _record(self, status: str) -> None:
+        keyframe = self.landmarks.keyframes[self._reference]
+        cam_from_keyframe = orthonormal(self._pose @ invert(keyframe.cam_from_world))
+        self.records.append(Record(self._reference, cam_from_keyframe, status))
+
+    def _go_on_densely(self, seen: Seen) -> bool:
+        """From the last frame by brightness and depth as a whole, where features do not suffice."""
+        last = self._last
+        if last is None or not _has_depth(seen):
+            return False
+        new_from_last = dense_motion(
+            self.camera,
+            (last.gray, seen.gray),
+            (last.depth_m, seen.depth_m),
+            (last.surface, seen.surface),
+        )
+        if new_from_last is None:
+            return False
+        self._move_to(seen, new_from_last @ self._pose)
+        self._n_fitting = 0
+        self._record(DENSE)
+        return True
+
+    def _give_up(self, seen: Seen | None) -> None:
+        """The frame is lost; after a while without success a new part of the map begins."""
+        self._last = None
+        if seen is not None and _has_depth(seen):
+            self._n_failed += 1
+            if not self.landmarks.keyframes or self._n_failed > FRAMES_BEFORE_RESTART:
+                self._start(seen)
+                return
+        self.records.append(None)
+
+    def _start(self, seen: Seen) -> None:
+        self._pose = np.eye(4)
+        self._move_to(seen, np.eye(4))
+        self._keep(seen, np.full(len(seen.features), NO_POINT, dtype=np.int64), self._n_parts)
+        self._n_parts += 1
+        self._n_fitting = 0
+        has_features = seen.features.has_depth.sum() >= MIN_TO_START
+        self._record(TRACKED if has_features else DENSE)
+
+    def status(self) -> NDArray[np.str_]:
+        """(F,) status of each frame so far."""
+        return np.array([LOST if r is None else r.status for r in self.records], dtype="<U12")
+
+
+def _has_depth(seen: Seen) -> bool:
+    n_samples = seen.gray.size / SOURCE_STEP**2
+    return len(seen.surface.samples) >= MIN_DEPTH_SHARE * n_samples
