@@ -2,14 +2,16 @@
 
 Steinbrücker et al. 2011 and Park et al. 2017 (open3d's hybrid term) align brightness and depth as a
 whole. Whether the depth images say enough is asked of our own surfaces: on a bare wall they slide,
-and then there is no answer.
+and then there is no answer. Nor is there where the shape is the same but not what is printed on it.
 """
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage
+from imodbatch.core.frames import apply, invert
 from imodbatch.engines.open3d_library import open3d
 from imodbatch.engines.slam.registration import settle
 from imodbatch.engines.slam.surfaces import MAX_DEPTH_M, Surface
@@ -18,6 +20,7 @@ Array = NDArray[np.float64]
 MAX_SIGMA_M = 0.01
 MIN_MET, MIN_FITTING = 0.5, 0.7
 MAX_DEPTH_JUMP_M = 0.07
+BLUR_PX, PLAIN_GRAY, MIN_LIKENESS = 5, 4.0, 0.5
 
 
 def dense_motion(
@@ -64,7 +67,38 @@ def dense_motion(
     is_certain = _largest_sigma_m(settled.information) < MAX_SIGMA_M
     if not is_certain or settled.met < MIN_MET or settled.fitting < MIN_FITTING:
         return None
+    if not _brightness_agrees(camera, gray, surfaces[1].samples, settled.cam_from_world):
+        return None
     return settled.cam_from_world
+
+
+def _brightness_agrees(
+    camera: PinholeCamera,
+    gray: tuple[NDArray[np.uint8], NDArray[np.uint8]],
+    samples: Array,
+    new_from_old: Array,
+) -> bool:
+    """Whether the new frame's samples (S, 3) look in the old one as they do in their own.
+
+    The same shape may be another place. Where both images are plain there is nothing to compare.
+    """
+    blurred = [cv2.blur(g, (BLUR_PX, BLUR_PX)) for g in gray]
+    values = []
+    for image, points in zip(blurred, (apply(invert(new_from_old), samples), samples), strict=True):
+        with np.errstate(invalid="ignore"):
+            pixel = np.nan_to_num(camera.project(points), nan=-1.0).astype(np.int64)
+        inside = (pixel >= 0).all(axis=1) & (pixel < (camera.width_px, camera.height_px)).all(
+            axis=1
+        )
+        column, row = np.where(inside[:, None], pixel, 0).T
+        values.append(np.where(inside, image[row, column], np.nan))
+    both = np.isfinite(values[0]) & np.isfinite(values[1])
+    old, new = (v[both] for v in values)
+    spread = np.array([old.std(), new.std()])
+    if (spread < PLAIN_GRAY).all():
+        return True
+    covariance = ((old - old.mean()) * (new - new.mean())).mean()
+    return bool(covariance > MIN_LIKENESS * spread.max() ** 2)
 
 
 def _largest_sigma_m(information: Array) -> float:

@@ -68,11 +68,20 @@ class FeatureExtractor:
                 np.zeros((0, 3)),
             )
         octave = np.array([k.octave for k in keypoints], dtype=np.int64)
-        # OpenCV counts from the middle of the corner pixel of the octave, we from the corner
-        pixels = _pixels(keypoints) + 0.5 * SCALE_FACTOR ** octave[:, None]
+        pixels = self._continuous(_pixels(keypoints), octave)
         depth = smooth_depth(depth_m, pixels)
         points = self._camera.unproject(pixels, depth)
         return Features(pixels, octave, descriptors.view(np.uint64), points)
+
+    def _continuous(self, pixels: Array, octave: NDArray[np.int64]) -> Array:
+        """Continuous pixels of the places (N, 2) that OpenCV gives.
+
+        It counts from the middle of the corner pixel of the octave, and takes no notice that an
+        octave's size is rounded to whole pixels.
+        """
+        size = np.array([self._camera.width_px, self._camera.height_px])
+        scale = SCALE_FACTOR ** octave[:, None]
+        return (pixels / scale + 0.5) * size / np.rint(size / scale)
 
     def _spread(self, keypoints: Any) -> NDArray[np.int64]:
         """Positions of the strongest features, at most four equal shares from each cell."""

@@ -58,7 +58,7 @@ class Landmarks:
 
     @property
     def positions(self) -> Array:
-        """Places (P, 3) in the world, to be written to."""
+        """Places (P, 3) in the world, to be written to by refinement."""
         return self._positions[: self.n_points]
 
     @property
@@ -140,6 +140,11 @@ class Landmarks:
         nearer = np.log(self._distance[ids] / distance[kept]) / np.log(SCALE_FACTOR)
         octave = self._octave[ids] + nearer
         return ids, points_cam[kept], Expected(np.zeros((0, 2)), octave, self._descriptors[ids])
+
+    def carry(self, ids: Indices, new_from_old: Array) -> None:
+        """Move points (P,), and the sides they are seen from, by a transform (4, 4)."""
+        self._positions[ids] = apply(new_from_old, self._positions[ids])
+        self._direction[ids] = self._direction[ids] @ new_from_old[:3, :3].T
 
     def merge(self, kept: Indices, dropped: Indices) -> None:
         """Make one point of two, pair by pair; what saw the second now sees the first."""

@@ -20,7 +20,7 @@ from imodbatch.engines.slam.tracking import Frame, Located, recognise
 Array = NDArray[np.float64]
 N_ALIKE, N_NEAR = 3, 2
 NEAR_M, NEAR_DEG = 1.0, 45.0
-MIN_FITTING = 40
+MIN_FITTING = 30
 MIN_MET, MIN_SURFACE_FIT = 0.25, 0.6
 MIN_SHARED_EDGE = 30
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage
-from imodbatch.core.frames import invert, orthonormal, twist_between
+from imodbatch.core.frames import apply, invert, orthonormal, twist_between
 from imodbatch.core.trajectory import DENSE, LOST, TRACKED
 from imodbatch.engines.slam import loops
 from imodbatch.engines.slam.dense import dense_motion
@@ -116,10 +116,12 @@ class Mapper:
             refine_all(self.landmarks, self._frames, self._ties, self.camera, part)
 
     def _bind_what_overlaps(self) -> None:
-        """Tie keyframes that look at the same side from nearby, whenever they were taken."""
+        """Tie keyframes that look at the same side from nearby and share few points or none."""
         bound = {(min(t.first, t.second), max(t.first, t.second)) for t in self._ties}
-        for number in range(len(self.landmarks.keyframes)):
-            for other in loops.nearest(self.landmarks, number)[:N_LATE_TIES]:
+        for number, keyframe in enumerate(self.landmarks.keyframes):
+            near = loops.nearest(self.landmarks, number)
+            strangers = [k for k in near if k not in keyframe.neighbours]
+            for other in strangers[:N_LATE_TIES]:
                 pair = (min(number, other), max(number, other))
                 if pair not in bound:
                     bound.add(pair)
@@ -164,7 +166,7 @@ class Mapper:
         self._recent = located.point_ids
         self._n_fitting = len(located.rows)
         self._most_fitting = max(self._most_fitting, self._n_fitting)
-        if self._is_new(seen):
+        if self._is_new():
             point_ids = np.full(len(seen.features), NO_POINT, dtype=np.int64)
             point_ids[located.rows] = located.point_ids
             self._keep(seen, point_ids, self.landmarks.keyframes[self._reference].part)
@@ -174,12 +176,13 @@ class Mapper:
         else:
             self._record(TRACKED)
 
-    def _is_new(self, seen: Seen) -> bool:
+    def _is_new(self) -> bool:
+        """Whether the view has changed enough since the reference keyframe."""
         if self._n_fitting < NEW_KEYFRAME_SHARE * self._most_fitting:
             return True
         keyframe = self.landmarks.keyframes[self._reference]
         away = twist_between(self._pose, keyframe.cam_from_world)
-        distance = float(np.nanmedian(seen.features.points_cam[:, 2]))
+        distance = np.median(apply(self._pose, self.landmarks.positions[self._recent])[:, 2])
         shift, turn = np.linalg.norm(away[:3]), np.linalg.norm(away[3:])
         return bool(shift > MAX_SHIFT_SHARE * distance or turn > MAX_TURN_RAD)
 

@@ -16,6 +16,8 @@ PIXEL_SIGMA = 1.0
 DEPTH_SIGMA_PER_M = 0.0025
 DEPTH_SIGMA_FLOOR_M = 0.004
 CHI2_PIXEL, CHI2_DEPTH = 5.991, 3.841  # 95 % of two and of one normal variable
+CHI2_PIXEL_MEDIAN = 1.386
+LEAST_VARIANCE = 0.05
 MIN_Z_M = 0.05
 
 
@@ -92,3 +94,26 @@ def fits(whitened: Array) -> NDArray[np.bool_]:
     """
     pixel, depth = chi2(whitened)
     return (pixel < CHI2_PIXEL) & (depth < 16.0)
+
+
+def majority_weights(whitened: Array) -> Array:
+    """Weights (N, 3) that follow the majority (Geman & McClure 1985, scale by the median).
+
+    Something that moves by itself would pull the pose to a compromise; what is far worse than most
+    sightings hardly counts, whatever the size of most errors is.
+    """
+    pixel, _ = chi2(whitened)
+    of_pixel = np.square(1 / (1 + pixel / (CHI2_PIXEL * _variance(pixel))))
+    return np.stack([of_pixel, of_pixel, huber_weights(whitened)[:, 2]], axis=1)
+
+
+def fits_like_most(whitened: Array) -> NDArray[np.bool_]:
+    """(N,) whether residuals fit, by the spread that most of them show if that is smaller."""
+    pixel, _ = chi2(whitened)
+    return fits(whitened) & (pixel < CHI2_PIXEL * min(_variance(pixel), 1.0))
+
+
+def _variance(chi2_pixel: Array) -> float:
+    """Variance that the median of squared residuals (N,) tells, 1 = as expected."""
+    median = float(np.median(chi2_pixel)) if len(chi2_pixel) else CHI2_PIXEL_MEDIAN
+    return max(median / CHI2_PIXEL_MEDIAN, LEAST_VARIANCE)

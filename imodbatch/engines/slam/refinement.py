@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.core.frames import apply, invert
+from imodbatch.core.frames import invert
 from imodbatch.engines.slam.adjustment import Adjusted, Network, Ties, adjust
 from imodbatch.engines.slam.landmarks import NO_POINT, Landmarks
 from imodbatch.engines.slam.registration import tie
@@ -158,6 +158,5 @@ def move_keyframe(
     """Put a keyframe elsewhere, with those of its own points (P,) that move along."""
     keyframe = landmarks.keyframes[number]
     own = np.flatnonzero((landmarks.anchor == number) & moves_along)
-    new_from_old = invert(cam_from_world) @ keyframe.cam_from_world
-    landmarks.positions[own] = apply(new_from_old, landmarks.positions[own])
+    landmarks.carry(own, invert(cam_from_world) @ keyframe.cam_from_world)
     keyframe.cam_from_world = cam_from_world

@@ -50,7 +50,7 @@ def refine(
             break
         cam_from_world = _descend(camera, cam_from_world, seen.take(good))
         points = apply(cam_from_world, seen.points)
-        good = measurement.fits(
+        good = measurement.fits_like_most(
             measurement.residuals(camera, points, seen.measurements, seen.sigma)
         )
     return cam_from_world, good
@@ -62,7 +62,7 @@ def _descend(camera: PinholeCamera, cam_from_world: Array, seen: Sightings) -> A
         error = measurement.residuals(camera, points, seen.measurements, seen.sigma)
         image = measurement.image_jacobian(camera, points, seen.measurements, seen.sigma)
         jacobian = measurement.pose_jacobian(image, points).reshape(-1, 6)
-        weight = measurement.huber_weights(error).reshape(-1, 1)
+        weight = measurement.majority_weights(error).reshape(-1, 1)
         normal = jacobian.T @ (weight * jacobian)
         step = -np.linalg.solve(
             normal + 1e-6 * np.diag(np.diag(normal) + 1e-9),

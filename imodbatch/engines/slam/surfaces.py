@@ -22,6 +22,7 @@ SOURCE_STEP = 10
 MAX_DEPTH_M = 5.0
 MAX_EDGE_SHARE = 0.03
 MAX_DISTANCE_M = 0.08
+TUKEY_BOUND, LEAST_SPREAD, CHI2_MEDIAN = 4.0, 0.3, 0.455
 
 
 @dataclass(frozen=True)
@@ -67,12 +68,14 @@ def surface(depth_m: DepthImage, camera: PinholeCamera) -> Surface:
     total = cv2.resize(filled, size, interpolation=cv2.INTER_AREA)
     with np.errstate(invalid="ignore", divide="ignore"):
         small = np.where(share > 0.5, total / share, np.nan).astype(np.float64)
+    # no exact quarter where the size is no multiple of four
+    across, down = size[0] / camera.width_px, size[1] / camera.height_px
     thin = PinholeCamera(
         *size,
-        camera.fx_px / SHRINK,
-        camera.fy_px / SHRINK,
-        camera.cx_px / SHRINK,
-        camera.cy_px / SHRINK,
+        camera.fx_px * across,
+        camera.fy_px * down,
+        camera.cx_px * across,
+        camera.cy_px * down,
     )
     normals = _normals(small, thin)
     pixels = camera.pixel_centers()[
@@ -121,8 +124,9 @@ def contact(target: Surface, samples: Array, target_from_source: Array) -> Conta
     met &= np.where(met, (gap * gap).sum(axis=1), np.inf) < MAX_DISTANCE_M**2
     sigma = DEPTH_SIGMA_FLOOR_M + DEPTH_SIGMA_PER_M * z**2
     error = np.where(met, distance / sigma, 0.0)
-    tukey = np.square(np.clip(1 - np.square(error / 4.0), 0, None))
-    weight = np.where(met, tukey, 0.0)
+    spread = np.sqrt(np.median(np.square(error[met])) / CHI2_MEDIAN) if met.any() else 1.0
+    bound = TUKEY_BOUND * np.clip(spread, LEAST_SPREAD, 1.0)
+    weight = np.where(met, np.square(np.clip(1 - np.square(error / bound), 0, None)), 0.0)
     normal = np.where(met[:, None], normal, 0.0)
     jacobian = np.concatenate([normal, np.cross(moved, normal)], axis=1) / sigma[:, None]
     return Contact(met, error, weight, jacobian)

@@ -1,0 +1,105 @@
+"""Which frames are worth reconstructing: a new one whenever the image has moved on.
+
+Corners of the last keyframe are tracked through the frames that follow (pyramidal Lucas–Kanade at
+half size). The first frame in which a quarter of them have moved by more than a share of the
+image's width, or in which half of them are lost, is the next keyframe. A quarter, because a camera
+that circles an object keeps most of it in place. A camera that waits adds none.
+"""
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from imodbatch.engines.rgbd import RgbdFrames
+from imodbatch.engines.sfm.colmap import Progress
+from imodbatch.engines.sfm.gray import Gray, read_gray
+
+MAX_CORNERS = 300
+CORNER_QUALITY = 0.01
+CORNER_DISTANCE_PX = 7
+MIN_CORNERS = 20
+MIN_SHARE_KEPT = 0.5
+FEW_KEYFRAMES = 12
+MOVED_QUANTILE = 0.75
+WINDOW_PX = (15, 15)
+PYRAMID_LEVELS = 3
+
+
+@dataclass(frozen=True)
+class Keyframes:
+    """Positions (K,) of keyframes and of the frames (n,) whose image cannot be read."""
+
+    positions: list[int] = field(default_factory=list)
+    unreadable: list[int] = field(default_factory=list)
+
+
+def select_keyframes(frames: RgbdFrames, motion_percent: float, progress: Progress) -> Keyframes:
+    """Choose keyframes; where they are few, again with half the motion, and with a quarter.
+
+    Args:
+        frames: the sequence.
+        motion_percent: shift that a quarter of the corners exceed, in percent of the image's width.
+        progress: wraps the loop.
+    """
+    chosen = Keyframes()
+    for part in (1.0, 0.5, 0.25):
+        chosen = _select(frames, part * motion_percent / 100, progress)
+        if len(chosen.positions) >= FEW_KEYFRAMES:
+            break
+    return chosen
+
+
+def _select(frames: RgbdFrames, share_of_width: float, progress: Progress) -> Keyframes:
+    motion, chosen = _Motion(share_of_width), Keyframes()
+    for position in progress(range(len(frames))):
+        gray = read_gray(frames, position)
+        if gray is None:
+            chosen.unreadable.append(position)
+            continue
+        half = cv2.resize(gray, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        if motion.is_enough(half):  # type: ignore[arg-type]
+            chosen.positions.append(position)
+    return chosen
+
+
+class _Motion:
+    """Tracks the corners of the last keyframe."""
+
+    def __init__(self, share_of_width: float) -> None:
+        self._share = share_of_width
+        self._key: Gray | None = None
+        self._corners = self._tracks = np.zeros((0, 1, 2), dtype=np.float32)
+
+    def is_enough(self, gray: Gray) -> bool:
+        """Whether an image (H, W) is a new keyframe; if so, the next is compared with it."""
+        if self._key is not None and len(self._corners) >= MIN_CORNERS and not self._moved(gray):
+            return False
+        self._key = gray
+        self._corners = self._tracks = _corners(gray)
+        return True
+
+    def _moved(self, gray: Gray) -> bool:
+        tracks, found, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]
+            self._key,
+            gray,
+            self._corners,
+            self._tracks.copy(),
+            winSize=WINDOW_PX,
+            maxLevel=PYRAMID_LEVELS,
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        )
+        kept = found[:, 0] == 1
+        if kept.mean() < MIN_SHARE_KEPT:
+            return True
+        self._tracks = np.where(kept[:, None, None], tracks, self._tracks)
+        shift = np.linalg.norm((tracks - self._corners)[kept, 0], axis=-1)
+        return bool(np.quantile(shift, MOVED_QUANTILE) > self._share * gray.shape[1])
+
+
+def _corners(gray: Gray) -> NDArray[np.float32]:
+    found = cv2.goodFeaturesToTrack(gray, MAX_CORNERS, CORNER_QUALITY, CORNER_DISTANCE_PX)
+    if found is None:
+        return np.zeros((0, 1, 2), dtype=np.float32)
+    return np.asarray(found, dtype=np.float32)
