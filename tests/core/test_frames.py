@@ -6,14 +6,18 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from imodbatch.core.frames import (
+    adjoint,
     apply,
+    exp_twist,
     invert,
     is_rigid,
     make_transform,
     matrix_from_quaternion,
+    orthonormal,
     quaternion_from_matrix,
     rotation_between,
     slerp,
+    twist_between,
 )
 
 HALF = np.sqrt(0.5)
@@ -226,3 +230,87 @@ def test_slerp_by_hand():
     many = slerp(frozen([start] * 2), frozen([end] * 2), frozen([1 / 3, 1.0]))
     np.testing.assert_allclose(many, [third, end])
     np.testing.assert_allclose(slerp(start, [0, 1, 0, 0], 0.5), [HALF, HALF, 0, 0])  # 180°
+
+
+def matrix_exponential(matrix):
+    """By its series, of a matrix halved until it is small, then squared as often."""
+    small, power, total = matrix / 2**12, np.eye(len(matrix)), np.eye(len(matrix))
+    for n in range(1, 8):
+        power = power @ small / n
+        total = total + power
+    for _ in range(12):
+        total = total @ total
+    return total
+
+
+def skew(vector):
+    x, y, z = vector
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+
+
+@given(AXES, ANGLES)
+@example((1.0, 0.0, 0.0), 0.0)
+@settings(max_examples=100, deadline=None)
+def test_exp_twist_is_the_exponential_of_a_rotation(axis, angle):
+    vector = angle * np.asarray(axis) / np.linalg.norm(axis)
+    found = exp_twist(frozen([0.3, -2.0, 5.0, *vector]))
+    np.testing.assert_allclose(found[:3, :3], matrix_exponential(skew(vector)), atol=1e-10)
+    np.testing.assert_allclose(found[:3, :3], rodrigues(axis, angle), atol=1e-12)
+    np.testing.assert_array_equal(found[:3, 3], [0.3, -2.0, 5.0])
+    np.testing.assert_array_equal(found[3], [0, 0, 0, 1])
+
+
+def test_exp_twist_of_many_and_of_none():
+    twists = frozen(np.random.default_rng(4).normal(size=(3, 4, 6)))
+    found = exp_twist(twists)
+    for i, j in np.ndindex(3, 4):
+        np.testing.assert_array_equal(found[i, j], exp_twist(twists[i, j]))
+    np.testing.assert_array_equal(exp_twist(np.zeros(6)), np.eye(4))
+    assert exp_twist(np.zeros((0, 6))).shape == (0, 4, 4)
+
+
+@given(AXES, st.one_of(st.floats(0, np.pi - 1e-6), st.sampled_from([1e-14, 1e-12, 1e-9, 1e-6])))
+@settings(max_examples=150, deadline=None)
+def test_twist_between_inverts_exp_twist(axis, angle):
+    twist = frozen([0.5, -1.5, 2.5, *(angle * np.asarray(axis) / np.linalg.norm(axis))])
+    pose = random_transforms(np.random.default_rng(5), 1)[0]
+    np.testing.assert_allclose(twist_between(exp_twist(twist), np.eye(4)), twist, atol=1e-7)
+    found = twist_between(exp_twist(twist) @ pose, pose)
+    np.testing.assert_allclose(found, twist, atol=1e-7)
+
+
+def test_twist_between_takes_the_second_pose_to_the_first():
+    a, b = np.split(random_transforms(np.random.default_rng(6), 40), 2)
+    np.testing.assert_allclose(exp_twist(twist_between(a, b)) @ b, a, atol=1e-9)
+    np.testing.assert_allclose(twist_between(a, a), np.zeros((20, 6)), atol=1e-7)
+
+
+def test_adjoint_carries_twists_over():
+    """A small twist in b, seen from a: exp(Ad ξ) = T exp(ξ) T⁻¹, to first order."""
+    rng = np.random.default_rng(7)
+    for transform in random_transforms(rng, 10):
+        twist = 1e-5 * rng.normal(size=6)
+        carried = transform @ exp_twist(twist) @ invert(transform)
+        found = exp_twist(adjoint(transform) @ twist)
+        np.testing.assert_allclose(found, carried, atol=1e-8)
+
+
+def test_adjoint_of_products_and_of_many():
+    a, b = np.split(random_transforms(np.random.default_rng(8), 12), 2)
+    np.testing.assert_allclose(adjoint(a @ b), adjoint(a) @ adjoint(b), atol=1e-10)
+    np.testing.assert_allclose(adjoint(invert(a)), np.linalg.inv(adjoint(a)), atol=1e-10)
+    np.testing.assert_array_equal(adjoint(a)[2], adjoint(a[2]))
+
+
+def test_orthonormal_after_a_thousand_products():
+    steps = random_transforms(np.random.default_rng(9), 1000).astype(np.float32)
+    product = np.eye(4, dtype=np.float32)
+    for step in steps:
+        product = product @ step
+    found = orthonormal(frozen(product))
+    defect = found[:3, :3] @ found[:3, :3].T - np.eye(3)
+    assert np.abs(defect).max() < 1e-14
+    assert np.abs(product[:3, :3] @ product[:3, :3].T - np.eye(3)).max() > 1e-7
+    assert np.linalg.det(found[:3, :3]) == pytest.approx(1)
+    np.testing.assert_allclose(found, product, atol=1e-4)
+    np.testing.assert_allclose(orthonormal(found), found, atol=1e-14)

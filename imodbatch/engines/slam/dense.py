@@ -83,13 +83,12 @@ def _brightness_agrees(
     The same shape may be another place. Where both images are plain there is nothing to compare.
     """
     blurred = [cv2.blur(g, (BLUR_PX, BLUR_PX)) for g in gray]
+    size = np.array([camera.width_px, camera.height_px])
     values = []
     for image, points in zip(blurred, (apply(invert(new_from_old), samples), samples), strict=True):
         with np.errstate(invalid="ignore"):
             pixel = np.nan_to_num(camera.project(points), nan=-1.0).astype(np.int64)
-        inside = (pixel >= 0).all(axis=1) & (pixel < (camera.width_px, camera.height_px)).all(
-            axis=1
-        )
+        inside: NDArray[np.bool_] = np.all((pixel >= 0) & (pixel < size), axis=1)
         column, row = np.where(inside[:, None], pixel, 0).T
         values.append(np.where(inside, image[row, column], np.nan))
     both = np.isfinite(values[0]) & np.isfinite(values[1])

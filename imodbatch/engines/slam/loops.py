@@ -22,7 +22,7 @@ N_ALIKE, N_NEAR = 3, 2
 NEAR_M, NEAR_DEG = 1.0, 45.0
 MIN_FITTING = 30
 MIN_MET, MIN_SURFACE_FIT = 0.25, 0.6
-MIN_SHARED_EDGE = 30
+MIN_SHARED_EDGE, EDGE_SIGMA = 30, 0.004
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,9 @@ def _edges(
 ) -> dict[tuple[int, int], Array]:
     """Pairs of keyframes that hold together, with open3d's information matrices.
 
-    Shared points count as features of one pixel at two metres: 4 mm, and as much of an arc.
+    As many shared points as an edge needs count as one feature of one pixel at two metres: 4 mm,
+    and as much of an arc. Their errors go together, for that is what drift is; were they taken as
+    independent, the edges along the way would outweigh the loop.
     """
     found: dict[tuple[int, int], Array] = {}
     for a, b in pairwise(numbers):
@@ -186,7 +188,7 @@ def _edges(
             n_shared = int(wanted[landmarks.keyframes[k].seen].sum())
             if n_shared >= MIN_SHARED_EDGE:
                 pair = (min(k, other), max(k, other))
-                found[pair] = n_shared / 0.004**2 * np.eye(6)
+                found[pair] = n_shared / MIN_SHARED_EDGE / EDGE_SIGMA**2 * np.eye(6)
     for t in ties:
         pair = (min(t.first, t.second), max(t.first, t.second))
         if pair in found:
