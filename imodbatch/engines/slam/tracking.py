@@ -32,13 +32,11 @@ class Located:
         cam_from_world: (4, 4).
         point_ids: (M,) map points that it sees and that fit.
         rows: (M,) the features that see them.
-        n_expected: map points that should have appeared in the image.
     """
 
     cam_from_world: Array
     point_ids: Indices
     rows: Indices
-    n_expected: int
 
 
 class Frame:
@@ -105,7 +103,7 @@ def _fit(
     pose, good = refine(camera, cam_from_world, frame.sightings(landmarks, ids, row))
     if good.sum() < MIN_FITTING:
         return None
-    return Located(pose, ids[good], row[good], int(inside.sum()))
+    return Located(pose, ids[good], row[good])
 
 
 def recognise(

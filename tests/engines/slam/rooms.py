@@ -13,7 +13,7 @@ import numpy as np
 
 from imodbatch.core.alignment import align_poses, rotation_angle_rad
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.core.frames import apply, invert, make_transform
+from imodbatch.core.frames import invert, make_transform
 from imodbatch.engines.rgbd import RgbdFrames
 
 CAMERA = PinholeCamera(320, 240, 270.0, 272.0, 158.0, 121.0)
@@ -65,39 +65,43 @@ def look(center, azimuth_deg, pitch_deg=10.0):
 def render(room, world_from_cam, camera=CAMERA):
     """Grey (H, W) and z-depth (H, W) of a room."""
     rays = camera.unproject(camera.pixel_centers(), 1.0) @ world_from_cam[:3, :3].T
-    start = world_from_cam[:3, 3]
-    depth = np.full(rays.shape[:2], np.inf)
+    rays = np.ascontiguousarray(np.moveaxis(rays, -1, 0))
+    start = world_from_cam[:3, 3, None, None]
+    depth = np.full(rays.shape[1:], np.inf)
     box_of, axis_of = np.zeros(depth.shape, dtype=int), np.zeros(depth.shape, dtype=int)
     for number, (low, high) in enumerate((room.outer, *room.boxes)):
         with np.errstate(divide="ignore"):
-            a, b = (np.array(low) - start) / rays, (np.array(high) - start) / rays
+            a, b = ((np.reshape(corner, (3, 1, 1)) - start) / rays for corner in (low, high))
         near, far = np.minimum(a, b), np.maximum(a, b)
-        enters, leaves = near.max(axis=-1), far.min(axis=-1)
+        enters, leaves = near.max(axis=0), far.min(axis=0)
         if number == 0:
-            at, axis = leaves, far.argmin(axis=-1)
+            at, axis = leaves, far.argmin(axis=0)
             hit = np.ones(depth.shape, dtype=bool)
         else:
-            at, axis = enters, near.argmax(axis=-1)
+            at, axis = enters, near.argmax(axis=0)
             hit = (enters < leaves) & (enters > 0.05) & (enters < depth)
         depth[hit], axis_of[hit], box_of[hit] = at[hit], axis[hit], number
     if room.plain:
         gray = np.full(depth.shape, 120.0)
     else:
-        gray = _printed(room, start + depth[..., None] * rays, box_of, axis_of, rays)
+        gray = _printed(room, start + depth * rays, box_of, axis_of, rays)
     return np.rint(gray).astype(np.uint8), depth.astype(np.float32)
 
 
 def _printed(room, places, box_of, axis_of, rays):
     gray = np.zeros(box_of.shape)
-    ahead = np.take_along_axis(rays, axis_of[..., None], axis=-1)[..., 0] > 0
+    ahead = np.take_along_axis(rays, axis_of[None], axis=0)[0] > 0
     face_of = 6 * box_of + 2 * axis_of + ahead
     for face in np.unique(face_of):
         here = face_of == face
         number, axis = int(face) // 6, int(face) % 6 // 2
         # a print moves with its box
-        low = np.array((room.outer, *room.boxes)[number][0])
-        at = np.delete(places[here] - low, axis, axis=1) / TEXEL_M + 37.0
-        u, v = (at % (N_TEXELS - 1)).astype(np.float32).T
+        low = (room.outer, *room.boxes)[number][0]
+        u, v = (
+            ((places[k][here] - low[k]) / TEXEL_M + 37.0) % (N_TEXELS - 1)
+            for k in range(3)
+            if k != axis
+        )
         image = print_of(1000 * room.seed + int(face))
         gray[here] = _bilinear(image, u, v)
     return gray
@@ -207,8 +211,3 @@ def off(trajectory_poses, truth, by_first=True):
         found = align_poses(true, found).poses(found)
     away = invert(true) @ found
     return np.linalg.norm(away[:, :3, 3], axis=1), rotation_angle_rad(away[:, :3, :3])
-
-
-def place_of(room_from_cam, point):
-    """A point of the room in a camera."""
-    return apply(invert(room_from_cam), point)

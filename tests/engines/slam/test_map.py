@@ -218,7 +218,7 @@ def test_following_from_a_wrong_guess():
     assert metres < 0.006
     assert radians < 0.004
     assert len(np.unique(located.point_ids)) == len(located.rows) == len(np.unique(located.rows))
-    assert MIN_FITTING <= len(located.rows) <= located.n_expected
+    assert len(located.rows) >= MIN_FITTING
 
 
 def test_recognising_without_a_guess():

@@ -19,7 +19,7 @@ from imodbatch.manifest import load_manifest
 from imodbatch.stages import index
 
 pytestmark = pytest.mark.skipif(
-    "IMODBATCH_DATA" not in os.environ, reason="IMODBATCH_DATA is not set: no real frames"
+    not os.environ.get("IMODBATCH_DATA"), reason="IMODBATCH_DATA is not set: no real frames"
 )
 MANIFEST = Path(__file__).parents[3] / "manifests" / "redkitchen.toml"
 BLANKED = slice(20, 40)
