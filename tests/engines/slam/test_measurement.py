@@ -129,8 +129,8 @@ def test_refine_finds_the_pose_nearby(seed, has_depth):
     guess = exp_twist(rng.uniform(-0.05, 0.05, 6)) @ truth
     found, good = refine(CAMERA, guess, seen)
     metres, radians = off_by(found, truth)
-    assert metres < 0.02
-    assert radians < 0.01
+    assert metres < 0.03
+    assert radians < 0.015
     assert good.mean() > 0.85
 
 
