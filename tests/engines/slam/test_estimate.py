@@ -193,11 +193,6 @@ def test_a_cut_to_a_place_of_the_same_shape():
     assert (trajectory.poses.status[14:] == "lost").all()
 
 
-LIKE_THE_CAMERA = pytest.mark.xfail(
-    reason="what moves almost with the camera passes for the room", strict=True
-)
-
-
 def with_a_slider(speed_m, is_carried, n=30):
     """The walk, with a box that slides by: it has a print of its own and fills a third of the view.
 
@@ -229,7 +224,8 @@ def test_something_moves(is_carried):
 
 
 @pytest.mark.xfail(
-    reason="what is near and moves by few pixels per frame is taken for parallax and drags the pose"
+    reason="what is near and moves by few pixels per frame is taken for parallax",
+    strict=True,
 )
 def test_something_near_moves_slowly():
     colors, depths, truth = with_a_slider(0.02, is_carried=False, n=14)
