@@ -34,17 +34,24 @@ def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
     help="analytic (default): with simulated detections; house (default with --models): for a real "
     "detector; rooms: backgrounds.",
 )
+@click.option(
+    "--layout",
+    type=click.Choice(["rgbd_scenes_v1"]),
+    help="Tables and desks with a hand-held camera, written as the UW RGB-D Scenes lie.",
+)
 @click.option("--seed", type=int, default=0, show_default=True, help="Other seed, other data.")
 @click.option(
     "--split",
     type=click.Choice(["train", "val", "test"]),
     default="test",
     show_default=True,
-    help="Houses of which furniture, textures and light; none is shared.",
+    help="Worlds of which objects, furniture, textures and light; none is shared.",
 )
-@click.option("--worlds", type=click.IntRange(min=1), help="Sequences. Default: house 4.")
+@click.option("--worlds", type=click.IntRange(min=1), help="Sequences. Default: house 4, tables 8.")
 @click.option(
-    "--frames", type=click.IntRange(min=4), help="Per sequence (75), or of rooms in all (300)."
+    "--frames",
+    type=click.IntRange(min=4),
+    help="Per sequence (house 75, tables 98 to 234), or of rooms in all (300).",
 )
 @click.option(
     "--models",
@@ -57,11 +64,12 @@ def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
-    help="Houses at a time, in processes (house, rooms).",
+    help="Worlds at a time, in processes (house, rooms, tables).",
 )
 def simulate(
     folder: Path,
     world: str | None,
+    layout: str | None,
     seed: int,
     split: str,
     worlds: int | None,
@@ -75,7 +83,9 @@ def simulate(
     Example:
       imodbatch simulate data/house_test --world house --split test
     """  # noqa: D301 (click wants the character, not a backslash)
-    world = world or ("analytic" if models is None else "house")
+    if layout is not None and (world is not None or models is not None):
+        raise click.UsageError("--layout has a world of its own; --world and --models go without.")
+    world = layout or world or ("analytic" if models is None else "house")
     if models is not None and world != "house":
         raise click.UsageError(f"--models needs --world house; --world {world} takes no models.")
     if workers > 1 and world == "analytic":
@@ -92,6 +102,12 @@ def simulate(
             write_house_dataset(
                 folder, split, seed, models=own, progress=advance, n_processes=workers, **sizes
             )
+        elif world == "rgbd_scenes_v1":
+            from imodbatch.simulation.tabletop import write_scenes
+
+            if worlds is not None:
+                sizes["n_worlds"] = worlds
+            write_scenes(folder, split, seed, progress=advance, n_processes=workers, **sizes)
         elif world == "rooms":
             from imodbatch.simulation.houses import write_backgrounds
 
@@ -106,7 +122,9 @@ def simulate(
             if worlds is not None:
                 sizes["n_sequences"] = worlds
             write_dataset(folder, seed=seed, progress=advance, **sizes)
-    manifest = f", described by {folder / 'manifest.toml'}" if world == "house" else ""
+    manifest = (
+        f", described by {folder / 'manifest.toml'}" if world in ("house", "rgbd_scenes_v1") else ""
+    )
     click.echo(f"simulate: {folder}{manifest}")
 
 
@@ -115,13 +133,28 @@ def simulate(
 @click.option(
     "--objects",
     metavar="NAMES",
-    help="household17 (default) or some of its objects, separated by commas.",
+    help="household17 (default) or some of its objects, separated by commas; or rgbd5.",
+)
+@click.option(
+    "--instances",
+    type=click.IntRange(min=1),
+    default=100,
+    show_default=True,
+    help="Objects of each class of rgbd5.",
+)
+@click.option(
+    "--distractors",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Objects of no class that are pasted too, without a label.",
 )
 @click.option(
     "--models",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Your own: Gazebo model folders, GLB, OBJ, DAE or PLY files.",
+    help="Your own: Gazebo model folders, GLB, OBJ, DAE or PLY files; or a folder of them per "
+    "class, of which 'distractor' gets no label.",
 )
 @click.option(
     "--turntable",
@@ -157,6 +190,18 @@ def simulate(
     help="Renders per object and viewpoint bin.",
 )
 @click.option(
+    "--jitter-all",
+    is_flag=True,
+    help="Turn every render within its bin; else the first shows the bin's middle.",
+)
+@click.option(
+    "--view-size",
+    type=click.IntRange(min=16),
+    default=224,
+    show_default=True,
+    help="Side of a render, pixels.",
+)
+@click.option(
     "--renderer",
     type=click.Choice(["embree", "blender"]),
     default="embree",
@@ -187,6 +232,13 @@ def simulate(
     metavar="INSTANCE",
     help="Turntable instance to keep for testing, such as bowl_1; may be repeated.",
 )
+@click.option(
+    "--azimuth-sign",
+    type=click.Choice(["1", "-1"]),
+    default="1",
+    show_default=True,
+    help="-1: the turntable's angles grow clockwise seen from above.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of chance.")
 @click.option(
     "--workers", type=click.IntRange(min=1), default=1, show_default=True, help="Processes."
@@ -201,6 +253,8 @@ def simulate(
 def synth(
     out: Path,
     objects: str | None,
+    instances: int,
+    distractors: int,
     models: Path | None,
     turntable: Path | None,
     backgrounds: Path | None,
@@ -209,12 +263,15 @@ def synth(
     azimuths: int,
     elevations: str,
     variants: int,
+    jitter_all: bool,
+    view_size: int,
     renderer: Literal["embree", "blender"],
     size: str,
     scale: str,
     per_picture: str,
     symmetries: tuple[str, ...],
     without: tuple[str, ...],
+    azimuth_sign: Literal["1", "-1"],
     seed: int,
     workers: int,
     cache: Path | None,
@@ -229,11 +286,14 @@ def synth(
     from imodbatch.errors import ConfigError
     from imodbatch.training import Recipe, ViewSettings, sources, write_dataset
     from imodbatch.training.backgrounds import list_backgrounds
+    from imodbatch.training.sources import DISTRACTOR_NAME, RGBD5_NAME
 
     if sum(source is not None for source in (objects, models, turntable)) > 1:
         raise ConfigError("Name one of --objects, --models and --turntable, not several.")
     if without and turntable is None:
         raise ConfigError("--without: names turntable instances; it needs --turntable.")
+    if azimuth_sign != "1" and turntable is None:
+        raise ConfigError("--azimuth-sign: is of turntable angles; it needs --turntable.")
     if turntable is not None and renderer != "embree":
         raise ConfigError("--renderer: turntable pictures are photographs; nothing is rendered.")
     if backgrounds is not None and n_rooms is not None:
@@ -244,19 +304,34 @@ def synth(
     pictures = [] if backgrounds is None else list_backgrounds(backgrounds)
     rooms_cache = sources.rooms_cache(cache)
     cache = cache or sources.default_cache()
+    others: list[Path] = []
     if turntable is not None:
         tables, line = sources.turntable_views(
-            turntable, cache, without=without, symmetries=symmetry
+            turntable,
+            cache,
+            without=without,
+            symmetries=symmetry,
+            azimuth_sign=int(azimuth_sign),
         )
     else:
-        chosen = (
-            sources.catalogue_models(objects or "household17", symmetry)
-            if models is None
-            else sources.folder_models(models, symmetry)
+        if models is not None:
+            chosen = sources.folder_models(models, symmetry)
+        elif objects == RGBD5_NAME:
+            chosen = sources.rgbd5_models(instances, symmetry)
+        else:
+            chosen = sources.catalogue_models(objects or "household17", symmetry)
+        chosen += sources.distractor_models(distractors)
+        settings = ViewSettings(
+            grid=grid,
+            n_variants=variants,
+            first_is_center=not jitter_all,
+            size_px=view_size,
+            renderer=renderer,
         )
-        settings = ViewSettings(grid=grid, n_variants=variants, renderer=renderer)
         with _bar("views") as advance:
-            tables, line = sources.views_of(chosen, settings, cache, workers, advance)
+            views, line = sources.views_of(chosen, settings, cache, workers, advance)
+        tables = [v for v, m in zip(views, chosen, strict=True) if m.name != DISTRACTOR_NAME]
+        others = [v for v, m in zip(views, chosen, strict=True) if m.name == DISTRACTOR_NAME]
     click.echo(f"synth views: {line}")
     if backgrounds is None:
         with _bar("rooms") as advance:
@@ -264,7 +339,7 @@ def synth(
                 rooms_cache, n_rooms or sources.N_ROOMS, workers, advance
             )
         click.echo(f"synth rooms: {line}")
-    recipe = Recipe(tuple(tables), tuple(pictures), grid, how, seed)
+    recipe = Recipe(tuple(tables), tuple(pictures), grid, how, seed, tuple(others))
     begin = time.perf_counter()
     with _bar("synth") as advance:
         summary = write_dataset(

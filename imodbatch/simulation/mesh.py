@@ -62,8 +62,15 @@ class ObjectModel:
         name: class name.
         mesh: what it looks like.
         symmetry: ``full`` = looks the same from every azimuth; an integer n = n-fold; ``none``.
+        instance: which object of its class; empty = there is one.
     """
 
     name: str
     mesh: TexturedMesh
     symmetry: Symmetry = "none"
+    instance: str = ""
+
+    @property
+    def instance_name(self) -> str:
+        """Tells it from other objects of its class."""
+        return self.instance or self.name

@@ -3,7 +3,7 @@
 cutouts      an object seen from many viewpoints: RGBA pictures with their angles, on disk
 lighting     light as it may be in some room
 views        object model → cutouts, every bin of a view grid in several variants
-turntable    UW RGB-D Object crops → cutouts
+turntable    UW RGB-D Object pictures → cutouts
 backgrounds  a folder of pictures → random crops of them
 placing      how large and where, and how much two objects may overlap
 blending     Gaussian edge, Poisson, motion blur; a shadow where the object stands

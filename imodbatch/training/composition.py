@@ -25,6 +25,10 @@ from imodbatch.training.placing import random_corner, random_scale
 
 Pixels = NDArray[np.uint8]
 NOBODY = -1
+DISTRACTOR = -1
+"""The class number of an object that is of no class."""
+DISTRACTOR_SHARE = 0.4
+"""Of the pasted objects, where there are distractors: pasted alone must not mean wanted."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +132,7 @@ class Composer:
         grid: ViewGrid,
         settings: ComposeSettings | None = None,
         seed: int = 0,
+        distractors: Sequence[Cutouts] = (),
     ) -> None:
         """Keep what pictures are made of.
 
@@ -138,6 +143,7 @@ class Composer:
                 ones for every grid.
             settings: what pictures are like.
             seed: another seed, other pictures.
+            distractors: objects that are pasted too, and have no label.
 
         Raises:
             ConfigError: there are no cutouts or no backgrounds.
@@ -148,6 +154,7 @@ class Composer:
         self.grid = grid
         self.seed = seed
         self.backgrounds = tuple(backgrounds)
+        self.distractors = tuple(distractors)
         self.class_names = tuple(dict.fromkeys(c.class_name for c in cutouts))
         self.instances = tuple(
             tuple(c for c in cutouts if c.class_name == name) for name in self.class_names
@@ -186,6 +193,9 @@ class Composer:
 
     def random_cutout(self, rng: np.random.Generator) -> tuple[int, Cutouts, int]:
         """Class number, object and view; classes, a class's objects and their views evenly."""
+        if self.distractors and rng.random() < DISTRACTOR_SHARE:
+            cutouts = self.distractors[int(rng.integers(len(self.distractors)))]
+            return DISTRACTOR, cutouts, int(rng.integers(len(cutouts)))
         class_id = int(rng.integers(len(self.instances)))
         own = self.instances[class_id]
         cutouts = own[int(rng.integers(len(own)))]
@@ -226,9 +236,11 @@ class Composer:
     def _labelled(
         self, image: Pixels, placed: "list[_Placed]", owner: NDArray[np.int8], blending: str
     ) -> Picture:
+        visible = np.array([np.count_nonzero(owner == i) for i in range(len(placed))], np.float64)
+        is_wanted = np.array([p.class_id != DISTRACTOR for p in placed], np.bool_)
+        visible, placed = visible[is_wanted], [p for p in placed if p.class_id != DISTRACTOR]
         azimuth = np.array([p.azimuth_rad for p in placed], np.float64)
         elevation = np.array([p.elevation_rad for p in placed], np.float64)
-        visible = np.array([np.count_nonzero(owner == i) for i in range(len(placed))], np.float64)
         whole = np.array([np.count_nonzero(p.silhouette) for p in placed], np.float64)
         visibility = visible / whole
         return Picture(
@@ -257,6 +269,7 @@ class Recipe:
         grid: of the labels.
         settings: what pictures are like.
         seed: another seed, other pictures.
+        distractors: JSON files of objects that have no label.
     """
 
     cutouts: tuple[Path, ...]
@@ -264,11 +277,13 @@ class Recipe:
     grid: ViewGrid
     settings: ComposeSettings = ComposeSettings()
     seed: int = 0
+    distractors: tuple[Path, ...] = ()
 
     def composer(self) -> Composer:
         """Open the cutouts; the PNGs stay on disk and are shared between processes."""
         cutouts = [load_cutouts(path) for path in self.cutouts]
-        return Composer(cutouts, self.backgrounds, self.grid, self.settings, self.seed)
+        others = [load_cutouts(path) for path in self.distractors]
+        return Composer(cutouts, self.backgrounds, self.grid, self.settings, self.seed, others)
 
 
 @dataclass(frozen=True, eq=False)

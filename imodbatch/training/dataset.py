@@ -250,6 +250,8 @@ def recipe_digest(recipe: Recipe) -> str:
         asdict(recipe.settings),
         recipe.seed,
     ]
+    if recipe.distractors:
+        parts.append([path.name for path in recipe.distractors])
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
 
 

@@ -19,12 +19,16 @@ from imodbatch.simulation.houses.backgrounds import (
 from imodbatch.simulation.mesh import ObjectModel, Symmetry
 from imodbatch.simulation.models import load_models
 from imodbatch.simulation.objects import OBJECTS, load_object
+from imodbatch.simulation.tabletop.world import CLASSES, POOL, class_symmetry
+from imodbatch.simulation.variants import make_distractor, make_instance
 from imodbatch.training.composition import ComposeSettings
 from imodbatch.training.turntable import class_names_of, read_turntable
 from imodbatch.training.views import Progress, ViewSettings, prepare_views
 
 CATALOGUES = {"household17": tuple(OBJECTS)}
 """Sets of objects that come with the package."""
+RGBD5_NAME, DISTRACTOR_NAME = "rgbd5", "distractor"
+"""A set of classes with any number of objects; and the name of what is of no class."""
 N_ROOMS = N_PICTURES
 """Pictures of simulated rooms where a user names no backgrounds."""
 
@@ -46,6 +50,36 @@ def catalogue_models(
     """Objects of a catalogue, or those named, separated by commas."""
     chosen = CATALOGUES.get(names) or tuple(name.strip() for name in names.split(","))
     return _with_symmetries([load_object(name) for name in chosen], symmetries or {})
+
+
+def rgbd5_models(
+    n_instances: int, symmetries: Mapping[str, Symmetry] | None = None
+) -> list[ObjectModel]:
+    """Training objects of bowl, cap, cereal_box, coffee_mug and soda_can: so many of each."""
+    return [
+        _numbered(replace(make_instance(name, k), symmetry=(symmetries or {}).get(name, usual)), k)
+        for name, usual in ((name, class_symmetry(name)) for name in CLASSES)
+        for k in _training_numbers(n_instances)
+    ]
+
+
+def distractor_models(n: int) -> list[ObjectModel]:
+    """Training objects that are of none of those classes."""
+    return [
+        _numbered(replace(make_distractor(k), name=DISTRACTOR_NAME, symmetry="none"), k)
+        for k in _training_numbers(n)
+    ]
+
+
+def _numbered(model: ObjectModel, number: int) -> ObjectModel:
+    return replace(model, instance=f"{model.name}_{number}")
+
+
+def _training_numbers(n: int) -> range:
+    first, last = POOL["train"]
+    if n > last - first:
+        raise ConfigError(f"At most {last - first} objects of a class are for training, not {n}.")
+    return range(first, first + n)
 
 
 def folder_models(
@@ -108,10 +142,16 @@ def turntable_views(
     instances: Collection[str] | None = None,
     without: Collection[str] = (),
     symmetries: Mapping[str, Symmetry] | None = None,
+    azimuth_sign: int = 1,
 ) -> tuple[list[Path], str]:
-    """Cutouts of turntable crops, and a line."""
+    """Cutouts of turntable pictures, and a line."""
     tables, counts = read_turntable(
-        folder, cache, instances=instances, without=without, symmetries=symmetries
+        folder,
+        cache,
+        instances=instances,
+        without=without,
+        symmetries=symmetries,
+        azimuth_sign=azimuth_sign,
     )
     _check_names(symmetries or {}, class_names_of(tables))
     return tables, f"{len(tables)} instances, {counts}"

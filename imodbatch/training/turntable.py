@@ -1,8 +1,12 @@
-"""UW RGB-D Object turntable crops → cutouts.
+"""UW RGB-D Object turntable pictures → cutouts.
 
 ``<category>/<category>_<i>/<category>_<i>_<sequence>_<frame>_crop.png`` with ``_maskcrop.png``
 (object > 0) and ``_pose.txt`` (azimuth in degrees, missing for some frames). Sequences 1, 2 and 4
 were taken from 30°, 45° and 60° above the horizon.
+
+Where there is no crop, the whole picture ``<stem>.png`` is taken, with ``_mask.png``, or with
+``_maskcrop.png`` put where ``_loc.txt`` says ("x,y" of its top left pixel, counted from 1). Depth
+is not read: a cutout needs none.
 """
 
 import hashlib
@@ -22,8 +26,8 @@ from imodbatch.training.cutouts import Cutout, Pixels, crop_to_object, load_cuto
 
 ELEVATION_DEG = {1: 30.0, 2: 45.0, 4: 60.0}
 """Of the camera, by the number of the sequence."""
-VERSION = 1
-CROP = re.compile(r"(?P<stem>.+_(?P<sequence>\d+)_(?P<frame>\d+))_crop\.png")
+VERSION = 2
+PICTURE = re.compile(r"(?P<stem>.+_(?P<sequence>\d+)_(?P<frame>\d+))(_crop)?\.png")
 USED, NO_POSE, NO_MASK, BAD, OTHER = (
     "used", "without pose", "without mask", "unreadable or empty", "of another sequence",
 )  # fmt: skip
@@ -31,19 +35,19 @@ USED, NO_POSE, NO_MASK, BAD, OTHER = (
 
 @dataclass
 class TurntableCounts:
-    """What became of the crops; they add up."""
+    """What became of the pictures, one per frame; they add up."""
 
     by_outcome: dict[str, int] = field(
         default_factory=lambda: dict.fromkeys((USED, NO_POSE, NO_MASK, BAD, OTHER), 0)
     )
 
     def add(self, outcome: str, n: int = 1) -> None:
-        """Count one or more crops."""
+        """Count one or more pictures."""
         self.by_outcome[outcome] += n
 
     def __str__(self) -> str:
         parts = [f"{n:,} {name}" for name, n in self.by_outcome.items() if n or name == USED]
-        return f"{sum(self.by_outcome.values()):,} crops = " + " + ".join(parts)
+        return f"{sum(self.by_outcome.values()):,} pictures = " + " + ".join(parts)
 
 
 def read_turntable(
@@ -56,7 +60,7 @@ def read_turntable(
     symmetries: Mapping[str, Symmetry] | None = None,
     azimuth_sign: int = 1,
 ) -> tuple[list[Path], TurntableCounts]:
-    """Make cutouts of turntable crops, one pair of files per instance.
+    """Make cutouts of turntable pictures, one pair of files per instance.
 
     Args:
         folder: ``rgbd-dataset``, which holds a folder per category.
@@ -93,7 +97,7 @@ def read_turntable(
         if table.is_file():
             tables.append(table)
     if not tables:
-        raise DataError(f"{folder}: no crop is of use ({counts}). Are masks and poses unpacked?")
+        raise DataError(f"{folder}: no picture is of use ({counts}). Are masks and poses unpacked?")
     return tables, counts
 
 
@@ -109,7 +113,7 @@ def _instance_folders(
     without: Collection[str],
 ) -> list[Path]:
     if not folder.is_dir():
-        raise DataError(f"{folder}: no such folder of turntable crops. Correct the path.")
+        raise DataError(f"{folder}: no such folder of turntable pictures. Correct the path.")
     known = sorted(p for p in folder.iterdir() if p.is_dir())
     for name in categories or ():
         if name not in {p.name for p in known}:
@@ -137,28 +141,52 @@ def _by_number(path: Path) -> tuple[int, str]:
 
 
 def _cutouts(folder: Path, azimuth_sign: int, counts: TurntableCounts) -> Iterator[Cutout]:
-    for path in sorted(folder.glob("*_crop.png")):
+    for path in _pictures(folder):
         cutout = _cutout(path, azimuth_sign)
         counts.add(cutout if isinstance(cutout, str) else USED)
         if not isinstance(cutout, str):
             yield cutout
 
 
+def _pictures(folder: Path) -> list[Path]:
+    """One picture per frame: the crop, or else the whole picture; crops of odd names as well."""
+    crops = {path.name.removesuffix("_crop.png"): path for path in folder.glob("*_crop.png")}
+    others = set(folder.glob("*.png")) - set(crops.values())
+    whole = {path.stem: path for path in others if PICTURE.fullmatch(path.name)}
+    return sorted({**whole, **crops}.values())
+
+
 def _cutout(path: Path, azimuth_sign: int) -> Cutout | str:
-    """A crop's cutout, or why there is none."""
-    name = CROP.fullmatch(path.name)
+    """A picture's cutout, or why there is none."""
+    name = PICTURE.fullmatch(path.name)
     if name is None or int(name["sequence"]) not in ELEVATION_DEG:
         return OTHER
-    pose, mask_path = (path.with_name(name["stem"] + end) for end in ("_pose.txt", "_maskcrop.png"))
+    pose, mask = path.with_name(name["stem"] + "_pose.txt"), _mask(path, name["stem"])
     if not pose.is_file():
         return NO_POSE
-    if not mask_path.is_file():
+    if mask is None:
         return NO_MASK
-    azimuth, rgba = _azimuth_rad(pose), _masked(path, mask_path)
+    azimuth, rgba = _azimuth_rad(pose), _masked(path, *mask)
     if azimuth is None or rgba is None:
         return BAD
     elevation = np.deg2rad(ELEVATION_DEG[int(name["sequence"])])
     return Cutout(rgba, float(azimuth_sign * azimuth % FULL_TURN_RAD), float(elevation))
+
+
+def _mask(path: Path, stem: str) -> tuple[Path, Path | None] | None:
+    """A picture's mask, and the file that says where it lies if it is only of a part."""
+    ends = ("_mask.png", "_maskcrop.png", "_loc.txt")
+    whole, part, place = (path.with_name(stem + end) for end in ends)
+    is_crop = path.name.endswith("_crop.png")
+    choices = [(part, None)] if is_crop else [(whole, None), (part, place)]
+    return next(
+        (
+            (mask, where)
+            for mask, where in choices
+            if mask.is_file() and (where is None or where.is_file())
+        ),
+        None,
+    )
 
 
 def _azimuth_rad(path: Path) -> float | None:
@@ -170,13 +198,30 @@ def _azimuth_rad(path: Path) -> float | None:
     return float(azimuth) if np.isfinite(azimuth) else None
 
 
-def _masked(path: Path, mask_path: Path) -> Pixels | None:
-    """The object alone, RGBA; None if a picture is damaged or shows nothing of it."""
+def _masked(path: Path, mask_path: Path, place: Path | None) -> Pixels | None:
+    """The object alone, RGBA; None if a picture is damaged or shows nothing of it.
+
+    Args:
+        path: the picture.
+        mask_path: of the same size, or of a part of the picture.
+        place: where that part lies; None = the mask is of the picture's size.
+    """
     color, mask = cv2.imread(str(path)), cv2.imread(str(mask_path), cv2.IMREAD_GRAYSCALE)
+    if color is not None and mask is not None and place is not None:
+        color = _part(color, place, mask.shape)
     if color is None or mask is None or color.shape[:2] != mask.shape:
         return None
     alpha = np.where(mask > 0, 255, 0).astype(np.uint8)
     return crop_to_object(np.dstack([color[..., ::-1], alpha]))
+
+
+def _part(color: Pixels, place: Path, shape: tuple[int, ...]) -> Pixels | None:
+    """The part of a picture whose top left pixel a file names, counted from 1; None if damaged."""
+    try:
+        x, y = (int(part) for part in place.read_text(encoding="utf-8").split(","))
+    except ValueError:
+        return None
+    return color[y - 1 : y - 1 + shape[0], x - 1 : x - 1 + shape[1]] if min(x, y) >= 1 else None
 
 
 def _digest(folder: Path, symmetry: Symmetry, azimuth_sign: int) -> str:

@@ -1,7 +1,8 @@
 """Object model → cutouts from all M·N viewpoints of a grid, several variants of each.
 
-Variant 0 is the bin's centre itself, as in the paper. The others differ from it within the bin, in
-roll, in distance (and so perspective) and in light; their labels are their true angles.
+Variant 0 is the bin's centre itself, as in the paper, unless settings say otherwise. The others
+differ from it within the bin, in roll, in distance (and so perspective) and in light; their labels
+are their true angles.
 """
 
 import hashlib
@@ -43,6 +44,7 @@ class ViewSettings:
     Attributes:
         grid: bins; every one is rendered.
         n_variants: pictures per bin.
+        first_is_center: whether the first variant is the bin's center, as in the paper.
         size_px: side of a render; the object's longer side spans most of it.
         elevation_jitter_rad: to either side; None = half the smallest gap between elevations, so
             that a detector sees all elevations between the bins' too.
@@ -55,6 +57,7 @@ class ViewSettings:
 
     grid: ViewGrid = PAPER_GRID
     n_variants: int = 8
+    first_is_center: bool = True
     size_px: int = 224
     elevation_jitter_rad: float | None = None
     lowest_elevation_rad: float = float(np.deg2rad(3))
@@ -105,7 +108,10 @@ def prepare_views(
         Per model, the path that `load_cutouts` takes.
     """
     settings = settings or ViewSettings()
-    stems = [cache / f"{_file_name(model.name)}-{view_digest(model, settings)}" for model in models]
+    stems = [
+        cache / f"{_file_name(model.instance_name)}-{view_digest(model, settings)}"
+        for model in models
+    ]
     tables = [stem.with_name(f"{stem.name}.json") for stem in stems]
     todo = [i for i, table in enumerate(tables) if not table.is_file()]
     done = (len(models) - len(todo)) * settings.n_views
@@ -150,12 +156,12 @@ def plan_view(
     model: ObjectModel, settings: ViewSettings, elevation_bin: int, azimuth_bin: int, variant: int
 ) -> View:
     """From where and in which light one picture is taken; the same for all renderers."""
-    name = zlib.crc32(model.name.encode())
+    name = zlib.crc32(model.instance_name.encode())
     rng = np.random.default_rng([settings.seed, name, elevation_bin, azimuth_bin, variant])
     grid = settings.grid
     azimuth, elevation = azimuth_bin * grid.azimuth_step_rad, grid.elevations_rad[elevation_bin]
     roll = 0.0
-    if variant:
+    if variant or not settings.first_is_center:
         half_step = 0.5 * WITHIN_BIN * grid.azimuth_step_rad
         azimuth = (azimuth + rng.uniform(-half_step, half_step)) % FULL_TURN_RAD
         elevation = float(rng.uniform(*settings.elevation_range_rad(elevation_bin)))
@@ -209,8 +215,12 @@ def view_digest(model: ObjectModel, settings: ViewSettings) -> str:
         del chosen["renderer"]  # keys from when there was no choice stay good
     else:
         chosen["renderer_version"] = blender.VERSION
-    rest = [VERSION, chosen, [asdict(s) for s in mesh.surfaces], model.name]
-    sha.update(json.dumps([*rest, model.symmetry], sort_keys=True).encode())
+    if settings.first_is_center:
+        del chosen["first_is_center"]
+    rest = [VERSION, chosen, [asdict(s) for s in mesh.surfaces], model.name, model.symmetry]
+    if model.instance:
+        rest.append(model.instance)
+    sha.update(json.dumps(rest, sort_keys=True).encode())
     return sha.hexdigest()[:16]
 
 
@@ -227,7 +237,8 @@ def _cutouts_of(
 
 
 def _render_to(stem: Path, model: ObjectModel, settings: ViewSettings) -> None:
-    write_cutouts(stem, model.name, model.name, model.symmetry, render_cutouts(model, settings))
+    cutouts = render_cutouts(model, settings)
+    write_cutouts(stem, model.name, model.instance_name, model.symmetry, cutouts)
 
 
 def _radius_m(mesh: TexturedMesh) -> float:

@@ -64,7 +64,7 @@ def shots(houses, drives):
     house, drive = houses[4], drives[4]
     chosen = np.linspace(8, 39, 6).astype(int)
     part = type(drive)(drive.kind, drive.base_xy_yaw[chosen], drive.world_from_cam[chosen])
-    return house, part, list(frames(house, part, HALF))
+    return house, part, list(frames(house, part.world_from_cam, HALF))
 
 
 def annotations(folder, sequence="house_1"):

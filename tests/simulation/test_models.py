@@ -265,6 +265,10 @@ def test_folder_of_models(tmp_path):
     write_obj(tmp_path)
     (tmp_path / "notes").mkdir()
     assert [m.name for m in load_models(tmp_path)] == ["a_tent", "b_cone", "box"]
+    write_obj(tmp_path / "cup" / "blue")
+    write_obj(tmp_path / "cup" / "red")
+    cups = [m for m in load_models(tmp_path) if m.name == "cup"]
+    assert [m.instance for m in cups] == ["cup_blue", "cup_red"]
     (tmp_path / "b_cone.obj").write_text(OBJ)
     with pytest.raises(DataError, match="two object models are called 'b_cone'"):
         load_models(tmp_path)

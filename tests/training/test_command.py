@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 
 from imodbatch.cli import main
 from imodbatch.core.camera import PinholeCamera
@@ -92,6 +93,7 @@ def test_rooms_lie_beside_the_cutouts(monkeypatch):
         (("--objects", "teapot"), "No object is called 'teapot'"),
         (("--objects", "teacup", "--models", "somewhere"), "not several"),
         (("--objects", "teacup", "--without", "bowl_1"), "needs --turntable"),
+        (("--objects", "teacup", "--azimuth-sign", "-1"), "needs --turntable"),
         (("--turntable", "somewhere", "--renderer", "blender"), "nothing is rendered"),
         (("--objects", "teacup", "--symmetry", "ball=full"), "--symmetry ball: no such class"),
         (("--rooms", "3"), "--backgrounds and --rooms, not both"),
@@ -105,3 +107,24 @@ def test_errors_are_one_line(synth, arguments, said):
     assert result.exit_code == 1
     assert said in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(("sign", "azimuth_bin"), [((), 1), (("--azimuth-sign", "-1"), 3)])
+def test_turntable_pictures_of_either_sense(tmp_path, recipe, sign, azimuth_bin):
+    """One bowl at 90°: bin 1 of 4, or bin 3 where angles grow clockwise."""
+    folder = tmp_path / "rgbd-dataset" / "bowl" / "bowl_1"
+    folder.mkdir(parents=True)
+    Image.new("RGB", (40, 30), "red").save(folder / "bowl_1_2_7_crop.png")
+    Image.new("L", (40, 30), 1).save(folder / "bowl_1_2_7_maskcrop.png")
+    (folder / "bowl_1_2_7_pose.txt").write_text("90")
+    common = ["--backgrounds", str(recipe.backgrounds[0].parent), "--cache", str(tmp_path / "c")]
+    grid = ["--azimuths", "4", "--elevations", "30,45,60", "--n", "2"]
+    turntable = ["--turntable", str(folder.parents[1])]
+    arguments = ["synth", str(tmp_path / "out"), *turntable, *common, *grid, *sign]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.startswith("synth views: 1 instances, 1 pictures = 1 used\n")
+    coco = json.loads((tmp_path / "out" / "annotations.json").read_text())
+    assert coco["annotations"]
+    bins = {(a["azimuth_bin"], a["elevation_bin"]) for a in coco["annotations"]}
+    assert bins == {(azimuth_bin, 1)}

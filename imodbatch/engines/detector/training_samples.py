@@ -260,12 +260,17 @@ def _radians(annotation: dict[str, Any], key: str) -> float:
 
 
 def _find_jsons(path: Path) -> list[Path]:
-    """The file itself, the one of a folder, or the ones of the folders in it."""
+    """The file itself, the one of a folder, or the ones of the folders in it, two levels deep."""
     if path.is_file():
         return [path]
     if not path.is_dir():
         raise DataError(f"{path}: no such folder. Write one with `imodbatch synth`.")
-    inner = sorted(file for name in JSON_NAMES for file in path.glob(f"*/{name}"))
+    inner = sorted(
+        file
+        for name in JSON_NAMES
+        for depth in ("*", "*/*")
+        for file in path.glob(f"{depth}/{name}")
+    )
     has_own = any((path / name).is_file() for name in JSON_NAMES)
     return inner if inner and not has_own else [_find_json(path)]
 

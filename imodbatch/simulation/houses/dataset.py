@@ -173,7 +173,7 @@ def _write_sequence(
     shutil.rmtree(unfinished, ignore_errors=True)
     unfinished.mkdir(parents=True)
     seen_by_frame = []
-    for frame_index, frame in enumerate(frames(house, drive, camera)):
+    for frame_index, frame in enumerate(frames(house, drive.world_from_cam, camera)):
         write_images(unfinished, frame_index, frame)
         seen_by_frame.append(frame.seen)
         if advance is not None:

@@ -1,7 +1,7 @@
 """How a drive lies on disk: JPEG colour, 16-bit depth, TUM trajectories, COCO annotations."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,7 @@ def write_annotations(
     camera: PinholeCamera,
     classes: Mapping[str, Symmetry],
     seen_by_frame: Sequence[Sequence[SeenTarget]],
+    image_file: Callable[[int], str] = color_file,
 ) -> None:
     """True boxes as COCO, with viewpoints; `ignore` = 1 for hidden, cut and tiny objects."""
     annotations = [
@@ -73,7 +74,7 @@ def write_annotations(
         "images": [
             {
                 "id": frame_index,
-                "file_name": color_file(frame_index),
+                "file_name": image_file(frame_index),
                 "width": camera.width_px,
                 "height": camera.height_px,
             }

@@ -124,10 +124,10 @@ def _in_shadow(disparity: Floats) -> NDArray[np.bool_]:
 class ColorCamera:
     """Colour with a drifting exposure and white balance: frames of a sequence, in order."""
 
-    def __init__(self, rng: np.random.Generator) -> None:
+    def __init__(self, rng: np.random.Generator, noise: float = 1.0) -> None:
         self.rng = rng
         self._drift = rng.normal(0, 0.03, 3)
-        self.noise = float(rng.uniform(1.0, 2.2))
+        self.noise = noise * float(rng.uniform(1.0, 2.2))
         self.defocus_px = float(rng.uniform(0.3, 0.6))
 
     def photograph(

@@ -1,4 +1,4 @@
-"""One drive through one house, frame by frame: what is true, and what is measured."""
+"""One walk through one house, frame by frame: what is true, and what is measured."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import apply, invert
 from imodbatch.core.viewpoint import FULL_TURN_RAD, ViewGrid, view_angles
-from imodbatch.simulation.houses.drive import Drive
 from imodbatch.simulation.houses.sensor import ColorCamera, measure_depth
 from imodbatch.simulation.houses.world import SENSOR_STREAM, House, Target
 from imodbatch.simulation.mesh import TexturedMesh
@@ -44,6 +43,7 @@ class SeenTarget:
         n_pixels: that show it.
         visibility: share of its outline within the image that nothing hides.
         is_cut: the image's border cuts it.
+        inside: share of its whole outline that lies within the image.
         azimuth_rad: of the camera in the object's frame, [0, 2π).
         elevation_rad: of the camera above the object's horizon.
     """
@@ -53,6 +53,7 @@ class SeenTarget:
     n_pixels: int
     visibility: float
     is_cut: bool
+    inside: float
     azimuth_rad: float
     elevation_rad: float
 
@@ -83,20 +84,34 @@ class HouseFrame:
     seen: list[SeenTarget]
 
 
-def frames(house: House, drive: Drive, camera: PinholeCamera = CAMERA) -> Iterator[HouseFrame]:
-    """The frames of a drive, in order."""
+def frames(
+    house: House,
+    walk_world_from_cam: Array,
+    camera: PinholeCamera = CAMERA,
+    shutter: float = SHUTTER,
+    noise: float = 1.0,
+) -> Iterator[HouseFrame]:
+    """The frames of a walk (F, 4, 4) through a house, in order.
+
+    Args:
+        house: what is seen.
+        walk_world_from_cam: (F, 4, 4) true poses.
+        camera: intrinsics of colour and depth.
+        shutter: share of the time between frames in which the shutter is open.
+        noise: of colour, as a multiple of the robot's.
+    """
     renderer = house.renderer(SETTINGS)
     color_rng, depth_rng = (house.random(SENSOR_STREAM + k) for k in (0, 1))
-    photographer = ColorCamera(color_rng)
+    photographer = ColorCamera(color_rng, noise)
     shininess = {
         number: 0.7 * share
         for number, target in enumerate(house.targets)
         if (share := _shiny_share(target.model.mesh)) > 0
     }
-    before = drive.world_from_cam[0]
-    for world_from_cam in drive.world_from_cam:
+    before = walk_world_from_cam[0]
+    for world_from_cam in walk_world_from_cam:
         rendered = renderer.render(camera, world_from_cam)
-        motion = _motion_px(camera, before, world_from_cam)
+        motion = _motion_px(camera, before, world_from_cam, shutter)
         before = world_from_cam
         yield HouseFrame(
             photographer.photograph(rendered.color, motion),
@@ -120,18 +135,19 @@ def _seen(target: Target, view: InstanceView, world_from_cam: Array) -> SeenTarg
         view.n_visible_px,
         view.visible_fraction,
         view.is_cut,
+        view.inside_fraction,
         float((azimuth - target.yaw_rad) % FULL_TURN_RAD),
         float(elevation),
     )
 
 
 def _motion_px(
-    camera: PinholeCamera, before: Array, after: Array, distance_m: float = 1.5
+    camera: PinholeCamera, before: Array, after: Array, shutter: float, distance_m: float = 1.5
 ) -> tuple[float, float]:
     """How far what lies ahead moves in the picture while the shutter is open."""
     ahead = apply(after, np.array([0.0, 0.0, distance_m]))
     u, v = camera.project(apply(invert(before), ahead))
-    return float(u - camera.cx_px) * SHUTTER, float(v - camera.cy_px) * SHUTTER
+    return float(u - camera.cx_px) * shutter, float(v - camera.cy_px) * shutter
 
 
 def _shiny_share(mesh: TexturedMesh) -> float:

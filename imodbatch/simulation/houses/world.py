@@ -112,7 +112,12 @@ def random_of(split: str, seed: int, index: int, stream: int) -> np.random.Gener
 
 
 def make_house(
-    split: str, index: int, seed: int, models: Sequence[ObjectModel], n_targets: int | None = None
+    split: str,
+    index: int,
+    seed: int,
+    models: Sequence[ObjectModel],
+    n_targets: int | None = None,
+    n_on_island: int | None = None,
 ) -> House:
     """A house; nothing is rendered yet.
 
@@ -122,14 +127,19 @@ def make_house(
         seed: decides everything that is random.
         models: targets are dealt from them in turn, so that all are as frequent.
         n_targets: None = 8 to 10; without models there are none.
+        n_on_island: all models stand in the house, the first so many on the island; None = dealt.
     """
     style = STYLES[split]
     rng = random_of(split, seed, index, SHELL_STREAM)
     shell = make_shell(rng, style)
     furniture = furnish(rng, style, shell, index)
     room = _Room(random_of(split, seed, index, PLACE_STREAM), style, shell, furniture)
-    hand = _dealt(split, seed, index, len(models), n_targets) if models else []
-    targets = room.place_targets(models, hand)
+    if n_on_island is not None:
+        hand = list(range(len(models)))
+    else:
+        hand = _dealt(split, seed, index, len(models), n_targets) if models else []
+        n_on_island = _on_island(len(hand))
+    targets = room.place_targets(models, hand, n_on_island)
     room.place_clutter(targets)
     scenery = [(mesh, np.eye(4)) for mesh in shell.meshes]
     scenery += [(m, p.world_from_piece) for p in furniture for m in p.piece.meshes]
@@ -186,7 +196,9 @@ class _Room:
         self.taken: list[list[tuple[float, float, float]]] = [[] for _ in self.levels]
         self.on_floor: list[tuple[Array, float]] = []
 
-    def place_targets(self, models: Sequence[ObjectModel], hand: list[int]) -> list[Target]:
+    def place_targets(
+        self, models: Sequence[ObjectModel], hand: list[int], n_on_island: int
+    ) -> list[Target]:
         """Targets on islands first, then along the walls; what fits nowhere stands on the floor."""
         islands = [k for k, (p, _) in enumerate(self.levels) if self.furniture[p].is_island]
         walls = self._wall_levels()
@@ -196,7 +208,7 @@ class _Room:
             footprint = model.mesh.vertices[:, :2]
             radius = float(np.linalg.norm(footprint, axis=1).max())
             height = float(np.ptp(model.mesh.vertices[:, 2]))
-            on_island = number < _on_island(len(hand)) or not walls
+            on_island = number < n_on_island or not walls
             first, then = (islands, walls) if on_island else (walls, islands)
             yaw = float(self.rng.uniform(0, FULL_TURN_RAD))
             place, at = self._put_down(first, then, radius, height)

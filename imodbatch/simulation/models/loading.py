@@ -1,5 +1,6 @@
 """A file or folder → an `ObjectModel` whose frame and size are as the rest expects them."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -57,24 +58,39 @@ def load_model(
 def load_models(folder: Path | str) -> list[ObjectModel]:
     """All objects of a folder of Gazebo models, of mesh files or of folders with one each.
 
+    A folder that holds none itself but whose entries are models is a class, and they are its
+    objects: ``MODELS/coffee_mug/red/mug.obj``.
+
     Raises:
         DataError: there are none, two have the same name, or one cannot be loaded.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise DataError(f"{folder}: no such folder of object models. Correct the path.")
-    paths = [path for path in sorted(folder.iterdir()) if _is_model(path)]
-    if not paths:
+    models = [model for path in sorted(folder.iterdir()) for model in _models_at(path)]
+    if not models:
         raise DataError(
             f"{folder}: no object models. Expected Gazebo model folders or files with one of the "
             f"endings {', '.join(MESH_SUFFIXES)}."
         )
-    models = [load_model(path) for path in paths]
-    names = [model.name for model in models]
+    names = [model.instance_name for model in models]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise DataError(f"{folder}: two object models are called {twice[0]!r}. Rename one.")
     return models
+
+
+def _models_at(path: Path) -> list[ObjectModel]:
+    """The model that a path is, or the objects of the class that it is; neither = none."""
+    if _is_model(path):
+        return [load_model(path)]
+    if not path.is_dir():
+        return []
+    return [
+        replace(load_model(inner, path.name), instance=f"{path.name}_{inner.stem}")
+        for inner in sorted(path.iterdir())
+        if _is_model(inner)
+    ]
 
 
 def _is_model(path: Path) -> bool:
