@@ -125,13 +125,13 @@ class WorldSection(StrictModel):
 
 
 class ImagesSection(StrictModel):
-    """`[images]` of a plain folder: patterns below a sequence's path.
+    """`[images]` of a plain folder: patterns below a sequence's path; other layouts know theirs.
 
     ``{frame}`` is an integer (zero-padded or not), ``{stamp}`` a time in seconds, ``{name}`` any
     name, numbered in natural order.
     """
 
-    color: str
+    color: str | None = None
     depth: str | None = None
     timestamps: str | None = None
     frames_per_second: Annotated[float, Field(gt=0)] | None = None
@@ -195,12 +195,16 @@ class ReferenceSection(OdometrySection):
 
 
 class AnnotationsSection(StrictModel):
-    """`[annotations]`: true boxes."""
+    """`[annotations]`: true boxes.
 
-    format: Literal["coco", "voc", "yolo", "none"] = "none"
+    `cluster_gap_m` is of labelled clouds: points of one class nearer than this are one object.
+    """
+
+    format: Literal["coco", "voc", "yolo", "uw_mat", "uw_labelled_cloud", "none"] = "none"
     path: str | None = None
     rename: dict[str, str] = Field(default_factory=dict)
     names: tuple[str, ...] = ()
+    cluster_gap_m: Annotated[float, Field(gt=0)] = 0.03
     unknown_classes: Literal["error", "skip"] = "skip"
     outside: Literal["error", "clip"] = "clip"
 
@@ -224,11 +228,12 @@ class DetectionsSection(StrictModel):
 
 
 class SequenceSection(StrictModel):
-    """`[[sequences]]`: one walk through a scene."""
+    """`[[sequences]]`: one walk through a scene; `n_frames` is what its folder should hold."""
 
     id: str
     path: str = "."
     frames: str | None = None
+    n_frames: Annotated[int, Field(ge=1)] | None = None
 
     @field_validator("id")
     @classmethod

@@ -18,7 +18,7 @@ from imodbatch.context import Context
 from imodbatch.core.scoring import Candidates, Truth
 from imodbatch.datasets.annotations import annotation_files
 from imodbatch.datasets.detections import detection_files, read_detections
-from imodbatch.datasets.registry import adapter_of, camera_model
+from imodbatch.datasets.registry import adapter_of, annotated, camera_model, layout_files
 from imodbatch.engines.detector.card import weights_digest
 from imodbatch.errors import ConfigError
 from imodbatch.manifest import SequenceSection
@@ -66,9 +66,11 @@ def _index(
 
 
 def _index_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
+    manifest = context.manifest
     return [
-        *index.image_files(context.manifest, sequence),
-        *annotation_files(context.manifest, sequence),
+        *index.image_files(manifest, sequence),
+        *layout_files(manifest, sequence),
+        *annotation_files(annotated(manifest, sequence), sequence),
     ]
 
 
@@ -83,10 +85,10 @@ def _detect(
 ) -> StageResult:
     manifest, config = context.manifest, context.pipeline.detect
     if manifest.detections is not None and config.weights is None:
-        camera = camera_model(manifest).color
+        camera = camera_model(manifest, sequence).color
         viewpoint = context.pipeline.viewpoint
         imported = read_detections(
-            manifest,
+            annotated(manifest, sequence),
             sequence,
             adapter_of(manifest).frames(manifest, sequence),
             camera.width_px,
@@ -144,7 +146,7 @@ def _check_card(card: Any, context: Context) -> None:
 
 def _detect_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
     if context.manifest.detections is not None and context.pipeline.detect.weights is None:
-        return detection_files(context.manifest, sequence)
+        return detection_files(annotated(context.manifest, sequence), sequence)
     weights = _weights(context)
     return [weights, weights.with_suffix(".json")]
 

@@ -1,7 +1,7 @@
 """What an adapter gives: the frames of a sequence as files, and the poses that came with them."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.manifest import Manifest, SequenceSection
+from imodbatch.manifest import AnnotationsSection, Manifest, SequenceSection
 
 NS_PER_S, NS_PER_MS = 1_000_000_000, 1_000_000
 
@@ -116,3 +116,21 @@ class Adapter(Protocol):
     def reference_files(self, manifest: Manifest, sequence: SequenceSection) -> list[Path]:
         """Files that `reference` reads, for provenance."""
         ...
+
+
+@dataclass(frozen=True)
+class Extras:
+    """What a layout knows beyond `Adapter`.
+
+    Attributes:
+        cameras: the cameras of one sequence, where sequences were taken by different ones.
+        files: the files besides images and poses that frames and cameras are read from, for
+            provenance; they may be missing.
+        annotations: which true boxes to read, where the manifest does not say.
+    """
+
+    cameras: Callable[[Manifest, SequenceSection], CameraModel] | None = None
+    files: Callable[[Manifest, SequenceSection], list[Path]] = lambda manifest, sequence: []  # noqa: ARG005
+    annotations: Callable[[Manifest, SequenceSection], AnnotationsSection] = (
+        lambda manifest, sequence: manifest.annotations  # noqa: ARG005
+    )

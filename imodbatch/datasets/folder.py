@@ -10,6 +10,7 @@ from imodbatch.datasets.base import (
     NS_PER_MS,
     NS_PER_S,
     CameraModel,
+    Extras,
     FrameFile,
     Odometry,
     nanoseconds,
@@ -26,9 +27,8 @@ def frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
 
 
 def _all_frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
-    images = _images(manifest)
+    images, color = _images(manifest)
     base = manifest.root_path / sequence.path
-    color = PathPattern(images.color)
     numbered = color.find(base)
     stamps = _timestamps(images, color, numbered, base)
     depth_of = _depth_by_number(images, color, numbered, base)
@@ -88,13 +88,19 @@ def reference_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]
     return trajectory_files(manifest.reference, manifest, sequence)
 
 
-def _images(manifest: Manifest) -> ImagesSection:
-    if manifest.images is None:
+def layout_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
+    """The file of timestamps, if `[images]` names one."""
+    timestamps = None if manifest.images is None else manifest.images.timestamps
+    return [] if timestamps is None else [manifest.root_path / sequence.path / timestamps]
+
+
+def _images(manifest: Manifest) -> tuple[ImagesSection, PathPattern]:
+    if manifest.images is None or manifest.images.color is None:
         raise ConfigError(
-            f"manifest {manifest.name}: adapter 'folder' needs an [images] section, such as "
-            "color = 'color/{frame}.png'."
+            f"manifest {manifest.name}: adapter 'folder' needs an [images] section with "
+            "color, such as color = 'color/{frame}.png'."
         )
-    return manifest.images
+    return manifest.images, PathPattern(manifest.images.color)
 
 
 def _timestamps(
@@ -163,3 +169,6 @@ def _depth_by_number(
         for (number, _), j in zip(numbered, partner, strict=True)
         if j >= 0
     }
+
+
+EXTRAS = Extras(files=layout_files)

@@ -49,6 +49,7 @@ def read_odometry(
     manifest: Manifest,
     sequence: SequenceSection,
     frames: Sequence[FrameFile],
+    first_number: int = 0,
 ) -> Odometry:
     """Read the poses that an `[odometry]` section points at.
 
@@ -58,6 +59,8 @@ def read_odometry(
         sequence: one of its sequences.
         frames: all frames of the sequence, also those outside its slice: a file with one line per
             frame starts at the first of them.
+        first_number: number that the layout gives to its first frame; a file with more lines than
+            there are images starts at it.
 
     Raises:
         DataError: a file is missing, a line has the wrong number of columns, a number is none, or
@@ -83,7 +86,7 @@ def read_odometry(
         read_lines = _read_kitti if section.format == "kitti" else _read_uw
         poses = read_lines(files[0], section)
         kept = [frame for frame in frames if sequence.keeps(frame.frame_index)]
-        numbers = _numbers_by_line(files[0], len(poses), frames, kept)
+        numbers = _numbers_by_line(files[0], len(poses), frames, kept, first_number)
     elif section.format == "tum":
         poses, stamps = _read_tum(files[0], section)
     else:
@@ -176,7 +179,11 @@ def _lines(path: Path) -> list[str]:
 
 
 def _numbers_by_line(
-    path: Path, n_lines: int, frames: Sequence[FrameFile], kept: Sequence[FrameFile]
+    path: Path,
+    n_lines: int,
+    frames: Sequence[FrameFile],
+    kept: Sequence[FrameFile],
+    first_number: int,
 ) -> NDArray[np.int64]:
     """Frame numbers of a file with one line per frame, or one per frame of the slice."""
     first = frames[0].frame_index if frames else 0
@@ -184,8 +191,8 @@ def _numbers_by_line(
     for those in (frames, kept):
         if n_lines == len(those):
             return np.array([frame.frame_index for frame in those], dtype=np.int64)
-    if n_lines > last:
-        return np.arange(n_lines, dtype=np.int64)
+    if first >= first_number and n_lines > last - first_number:
+        return np.arange(first_number, first_number + n_lines, dtype=np.int64)
     raise DataError(
         f"{path}: {n_lines} lines for {len(frames)} frames numbered {first} to {last}. "
         "This format has one line per frame; use TUM or CSV where frames are missing."

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from imodbatch.datasets.annotations import coco, voc, yolo
+from imodbatch.datasets.annotations import coco, uw_labelled_cloud, uw_mat, voc, yolo
 from imodbatch.datasets.annotations.entries import Entry, to_reading
 from imodbatch.datasets.base import FrameFile, Reading
 from imodbatch.manifest import Manifest, SequenceSection
@@ -14,12 +14,16 @@ READERS: dict[str, Reader] = {
     "coco": coco.read_entries,
     "voc": voc.read_entries,
     "yolo": yolo.read_entries,
+    "uw_mat": uw_mat.read_entries,
+    "uw_labelled_cloud": uw_labelled_cloud.read_entries,
     "none": lambda *_: iter(()),
 }
 FILES: dict[str, Callable[[Manifest, SequenceSection], list[Path]]] = {
     "coco": coco.files,
     "voc": voc.files,
     "yolo": yolo.files,
+    "uw_mat": uw_mat.files,
+    "uw_labelled_cloud": uw_labelled_cloud.files,
     "none": lambda *_: [],
 }
 
@@ -44,7 +48,8 @@ def read_annotations(
         Rows by rising frame_index and annotation_index (from 0 in each frame, in the file's order)
         with class_id, the box in continuous pixels, is_ignored, is_crowd and instance_id. What gave
         no row is counted under "other frames", "unknown class", "outside image" or "no area", the
-        first of them that applies; rows and counts add up to the entries of the files.
+        first of them that applies; rows and counts add up to the entries of the files. Boxes that
+        are derived from a cloud may have "no pose", or be of a "cluster too small", too.
 
     Raises:
         ConfigError: a rename to an unknown class, a path that cannot be meant, no class names.

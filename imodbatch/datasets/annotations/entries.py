@@ -31,6 +31,7 @@ class Entry:
         instance_id: the physical object, None = unknown.
         own_azimuth_rad: azimuth of the camera in the object's own frame, None = unknown.
         symmetry: of the class: ``none``, ``full`` or a number of turns; None = unknown.
+        left_out: why the reader itself makes no row of it, "" = it does; `box` has no meaning then.
     """
 
     where: str
@@ -42,6 +43,7 @@ class Entry:
     instance_id: str | None = None
     own_azimuth_rad: float | None = None
     symmetry: str | None = None
+    left_out: str = ""
 
 
 def to_reading(
@@ -64,6 +66,9 @@ def to_reading(
         if class_id is None:
             _refuse_class(manifest, entry, classes)
             left_out[UNKNOWN_CLASS] += 1
+            continue
+        if entry.left_out:
+            left_out[entry.left_out] += 1
             continue
         box, fault = _cut(entry, width_px, height_px)
         if fault:
