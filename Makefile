@@ -2,14 +2,19 @@
 #
 #   make all  [MANIFEST=manifests/x.toml] [PIPELINE=pipelines/y.toml] [WORKERS=2]
 #   make table1                     three detectors on simulated houses: the paper's Table 1
+#   make table2 [MANIFEST=…]        two detectors on simulated tables, or on the UW RGB-D Scenes
+#                                   (manifests/rgbd_scenes_v1.toml): the paper's Table 2
 #   make index | poses | detect | lift | fuse | score | report      one stage
 #   make test | check | bench | clean
 
 PYTHON   ?= python3
 VENV     ?= .venv
 MANIFEST ?= manifests/house_test.toml
-# The shipped detector knows the objects of the houses; other manifests name their own detections.
-PIPELINE ?= pipelines/$(if $(filter house_%,$(notdir $(MANIFEST))),robot17_3x16,default).toml
+# The shipped detectors know the objects of the houses, and those of the tables and the UW scenes;
+# other manifests name their own detections.
+FITTING   = $(if $(filter house_%,$(1)),robot17_3x16,$(if $(filter \
+  scenes_% rgbd_scenes_% redkitchen_rgbd5.toml,$(1)),rgbd5_3x12,default))
+PIPELINE ?= pipelines/$(call FITTING,$(notdir $(MANIFEST))).toml
 WORKERS  ?= 1
 # Houses rendered at a time.
 SIM_WORKERS ?= 2
@@ -21,9 +26,13 @@ DEV       := $(VENV)/.installed-dev
 STAGES    := index poses detect lift fuse score report
 TABLE1    := robot17_noview robot17_3x16 robot17_3x8
 POSES     := house_test house_test_true
+TABLE2    := rgbd5_noview rgbd5_3x12
+SCENES     = $(basename $(notdir $(MANIFEST)))
+SIMULATE_TABLES = $(BIN)/imodbatch simulate data/scenes_test --layout rgbd_scenes_v1 --split test \
+  --workers $(SIM_WORKERS)
 
 .DEFAULT_GOAL := all
-.PHONY: all table1 install dev test check lint bench clean simulate $(STAGES)
+.PHONY: all table1 table2 install dev test check lint bench clean simulate $(STAGES)
 
 all: install simulate
 	$(BIN)/imodbatch run $(MANIFEST) --pipeline $(PIPELINE) --workers $(WORKERS) $(ARGS)
@@ -40,6 +49,11 @@ else ifneq ($(filter house_val%,$(notdir $(MANIFEST))),)
 	  --workers $(SIM_WORKERS)
 else ifeq ($(notdir $(MANIFEST)),analytic.toml)
 	@$(BIN)/imodbatch simulate data/analytic
+else ifeq ($(notdir $(MANIFEST)),scenes_test.toml)
+	@$(SIMULATE_TABLES)
+else ifeq ($(notdir $(MANIFEST)),scenes_val.toml)
+	@$(BIN)/imodbatch simulate data/scenes_val --layout rgbd_scenes_v1 --split val --worlds 5 \
+	  --frames 60 --workers $(SIM_WORKERS)
 endif
 
 # The runs with true poses take over the tables that do not depend on poses. A table carries what it
@@ -59,6 +73,25 @@ table1: install
 	  $(BIN)/imodbatch compare manifests/$$poses.toml $(TABLE1:%=pipelines/%.toml) \
 	    --out runs/table1--$$poses; \
 	done
+
+ifeq ($(origin MANIFEST),file)
+table2: MANIFEST = manifests/scenes_test.toml
+endif
+# The second run takes over the tables that no detector changes, so poses are estimated once.
+table2: install
+	@$(if $(filter scenes_test,$(SCENES)),$(SIMULATE_TABLES))
+	@set -e; for pipeline in $(TABLE2); do \
+	  first=runs/$(SCENES)--$(firstword $(TABLE2)); run=runs/$(SCENES)--$$pipeline; \
+	  if [ $$run != $$first ]; then \
+	    mkdir -p $$run; \
+	    for table in frames annotations poses pose_quality reference_poses; do \
+	      cp -R $$first/$$table $$run/; \
+	    done; \
+	  fi; \
+	  $(BIN)/imodbatch run $(MANIFEST) --pipeline pipelines/$$pipeline.toml --out $$run \
+	    --workers $(WORKERS) $(ARGS); \
+	done
+	@$(BIN)/imodbatch compare $(TABLE2:%=runs/$(SCENES)--%) --table 2 --out runs/table2
 
 test: dev
 	$(BIN)/python -m pytest $(ARGS)

@@ -14,20 +14,27 @@ import click
     type=click.Path(path_type=Path),
 )
 @click.option(
+    "--table",
+    type=click.Choice(["1", "2"]),
+    default="1",
+    show_default=True,
+    help="Of the paper: AP, or precision/recall at tuned thresholds.",
+)
+@click.option(
     "--resamples",
     type=click.IntRange(min=1),
     default=1000,
     show_default=True,
-    help="Of the sequences, for the intervals.",
+    help="Of the sequences, for the intervals of Table 1.",
 )
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Write Markdown and CSV there, too.",
+    help="Write files there, too: Markdown or HTML, and CSV.",
 )
-def compare(sources: tuple[Path, ...], resamples: int, out: Path | None) -> None:
-    """Finished runs of the same data → the paper's Table 1 with intervals, and azimuth accuracy.
+def compare(sources: tuple[Path, ...], table: str, resamples: int, out: Path | None) -> None:
+    """Finished runs of the same data → the paper's Table 1 with intervals, or its Table 2.
 
     \b
     Example:
@@ -35,13 +42,13 @@ def compare(sources: tuple[Path, ...], resamples: int, out: Path | None) -> None
 
     A RUN is a run folder, or, after a MANIFEST, a pipeline file.
     """  # noqa: D301, E501 (click wants the character, and an example its line)
-    from imodbatch.comparing import compare_folders
+    from imodbatch.comparing import compare_folders, table_2_of_folders
 
-    document = compare_folders(_run_folders(sources), resamples)
+    folders = _run_folders(sources)
+    document = table_2_of_folders(folders) if table == "2" else compare_folders(folders, resamples)
     click.echo(document.text(), nl=False)
     if out is not None:
-        document.write(out)
-        click.echo(f"\ncompare: {out / 'compare.md'}")
+        click.echo(f"\ncompare: {document.write(out)}")
 
 
 def _run_folders(sources: tuple[Path, ...]) -> list[Path]:

@@ -1,15 +1,20 @@
-"""From finished runs to one comparison: Table 1, its intervals, and how well azimuths are named."""
+"""From finished runs to one comparison: Table 1 with intervals and azimuths, or Table 2."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import wrap
 
+import pyarrow as pa
+
 from imodbatch.reporting.azimuths import azimuth_block, azimuth_csv, azimuth_grid, azimuth_remark
 from imodbatch.reporting.comparison import Comparison, compare_runs
-from imodbatch.reporting.files import write_whole
+from imodbatch.reporting.files import write_parquet, write_whole
 from imodbatch.reporting.grids import Grid
-from imodbatch.reporting.run_folder import open_run
+from imodbatch.reporting.operating_points import TUNINGS, Background, table_2_columns
+from imodbatch.reporting.page import page
+from imodbatch.reporting.paper import MARK
+from imodbatch.reporting.run_folder import FinishedRun, open_run
 from imodbatch.reporting.table_1 import (
     estimates,
     estimates_csv,
@@ -19,9 +24,14 @@ from imodbatch.reporting.table_1 import (
     table_1_csv,
     table_remark,
 )
+from imodbatch.reporting.table_2 import beside, paper_table_2, remarks, table_2
+from imodbatch.reporting.table_2_files import csv_of, figures_table, thresholds_table
+from imodbatch.stages.background import background_per_pixel
 
 TERMINAL_WIDTH = 100
 """Of running text; tables are as wide as they are."""
+THRESHOLD_STEP = 0.01
+"""Of the scores under which Table 2 looks for the best threshold (Konno et al. 2020, Sec. 5.2)."""
 NO_AZIMUTHS = "No annotation says from which azimuth its object is seen."
 
 
@@ -55,12 +65,51 @@ class Document:
     def _closing(self) -> list[str]:
         return [f"{self.closing}\n"] if self.closing else []
 
-    def write(self, folder: Path) -> None:
-        """Write compare.md and a CSV file per table."""
+    def write(self, folder: Path) -> Path:
+        """Write compare.md and a CSV file per table; returns the former."""
         folder.mkdir(parents=True, exist_ok=True)
         write_whole(folder / "compare.md", self.markdown())
         for block in self.blocks:
             write_whole(folder / f"{block.grid.name}.csv", block.csv)
+        return folder / "compare.md"
+
+
+@dataclass(frozen=True)
+class Table2:
+    """Table 2, ready to be shown.
+
+    Attributes:
+        grids: for a terminal: a table per tuning, and the paper's.
+        wide_grids: for a page: a table per tuning with thresholds, the paper's columns beside.
+        remarks: what is to be said of them, a paragraph each.
+        tables: by file name, in full precision.
+    """
+
+    heading: str
+    grids: tuple[Grid, ...]
+    wide_grids: tuple[Grid, ...]
+    remarks: tuple[str, ...]
+    tables: dict[str, pa.Table]
+
+    def text(self) -> str:
+        """For a terminal."""
+        parts = [f"{grid.text()}\n" for grid in self.grids]
+        return (
+            f"{self.heading}\n\n" + "".join(parts) + "\n".join(map(_wrapped, self.remarks)) + "\n"
+        )
+
+    def write(self, folder: Path) -> Path:
+        """Write table2.html, and CSV and Parquet files; returns the page."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, table in self.tables.items():
+            write_whole(folder / f"{name}.csv", csv_of(table))
+            write_parquet(folder / f"{name}.parquet", table)
+        context = {
+            **{"heading": self.heading, "grids": self.wide_grids, "remarks": self.remarks},
+            **{"files": list(self.tables), "paper_mark": MARK},
+        }
+        write_whole(folder / "table2.html", page("table2.html.j2", context))
+        return folder / "table2.html"
 
 
 def _wrapped(text: str) -> str:
@@ -92,6 +141,47 @@ def compare_folders(folders: Sequence[Path], n_resamples: int) -> Document:
         )
     closing = NO_AZIMUTHS if azimuths is None else ""
     return Document(_heading(comparison), tuple(blocks), closing)
+
+
+def table_2_of_folders(folders: Sequence[Path]) -> Table2:
+    """Table 2 of the runs that lie in some folders.
+
+    Args:
+        folders: run folders of the same data, in any order, one of them of a detector without
+            viewpoints.
+
+    Raises:
+        ConfigError: the runs do not go together.
+        TableError: a run is missing, unfinished or damaged.
+    """
+    comparison = compare_runs([open_run(folder) for folder in folders])
+    columns = table_2_columns(comparison, THRESHOLD_STEP, _background())
+    paper = beside(comparison.any_run.classes)
+    plain = [table_2(comparison, columns, tuning) for tuning in TUNINGS]
+    wide = [table_2(comparison, columns, t, paper, with_thresholds=True) for t in TUNINGS]
+    return Table2(
+        _heading(comparison),
+        (*plain, paper_table_2()),
+        tuple(wide) if paper else (*wide, paper_table_2()),
+        tuple(remarks(comparison, columns, THRESHOLD_STEP)),
+        {
+            "table2": figures_table(comparison, columns),
+            "table2_thresholds": thresholds_table(comparison, columns),
+        },
+    )
+
+
+def _background() -> Background:
+    """Counts the background's pixels; reads the boxes of a run once."""
+    tables: dict[Path, tuple[pa.Table, pa.Table]] = {}
+
+    def count(run: FinishedRun, kept: pa.Table) -> tuple[float, float]:
+        if run.folder not in tables:
+            tables[run.folder] = run.frames(), run.boxes()
+        frames, boxes = tables[run.folder]
+        return background_per_pixel(frames, run.results.tables["annotations"], boxes, kept)
+
+    return count
 
 
 def _heading(comparison: Comparison) -> str:

@@ -5,5 +5,5 @@
 `paper` holds the published figures; `templates/report.html.j2` is the page.
 
 Several runs side by side: `run_folder` reads a finished run, `comparison` puts runs together,
-`table_1` and `azimuths` turn them into tables.
+`table_1` and `azimuths` turn them into tables; `operating_points` tunes thresholds for `table_2`.
 """

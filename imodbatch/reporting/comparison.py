@@ -99,10 +99,16 @@ class Comparison:
 
     def _column(self, group: str, name: str, run: FinishedRun, method: str) -> MethodColumn:
         boxes = ranked_boxes(run.results, method, len(run.classes))
-        once = np.ones(len(run.sequence_ids), dtype=np.int64)
+        return MethodColumn(group, name, boxes, self._aps(boxes))
+
+    def aps(self, run: FinishedRun, method: str) -> NDArray[np.float64]:
+        """(K,) 11-point AP of one of the runs, NaN for a class without annotations."""
+        return self._aps(ranked_boxes(run.results, method, len(run.classes)))
+
+    def _aps(self, boxes: Sequence[RankedBoxes]) -> NDArray[np.float64]:
+        once = np.ones(len(self.any_run.sequence_ids), dtype=np.int64)
         pairs = zip(boxes, self.n_annotations, strict=True)
-        aps = np.array([pooled_ap(ranked, n, once) for ranked, n in pairs])
-        return MethodColumn(group, name, boxes, aps)
+        return np.array([pooled_ap(ranked, n, once) for ranked, n in pairs])
 
 
 def compare_runs(runs: Sequence[FinishedRun]) -> Comparison:

@@ -55,6 +55,15 @@ class FinishedRun:
         """The detections of a sequence, with their whole score vectors."""
         return read_table(table_path(self.folder, "detections", sequence_id), TABLES["detections"])
 
+    def boxes(self) -> pa.Table:
+        """The detections of all sequences without their score vectors."""
+        heavy = ["view_scores", "class_ids"]
+        return pa.concat_tables(self.detections(s).drop_columns(heavy) for s in self.sequence_ids)
+
+    def frames(self) -> pa.Table:
+        """The frames of all sequences."""
+        return pa.concat_tables(_read(self.folder, "frames", s) for s in self.sequence_ids)
+
 
 def open_run(folder: Path) -> FinishedRun:
     """Read a run folder.

@@ -96,12 +96,21 @@ def paper_precision_recall_grid(
     if not columns:
         return None
     rows = [
-        Row(name, tuple(_paper_triple(c, name) for c in columns), class_id == MEAN_CLASS_ID)
+        Row(name, tuple(paper_cell(c, name) for c in columns), class_id == MEAN_CLASS_ID)
         for class_id, name in _table_2_classes(classes)
     ]
     heads = tuple(Column(c.name, f"{MARK}, {c.group}") for c in columns)
     title = "The same in the paper's Table 2, on other data"
     return Grid("precision-recall-paper", title, "class", heads, tuple(rows))
+
+
+def paper_cell(column: PaperColumn, name: str) -> Cell:
+    """Precision/recall (AP) of a row as the paper prints it; a dash where it has no such row."""
+    pair = column.precision_recall.get(name)
+    if pair is None:
+        return Cell(number(None))
+    precision, recall = (f"{value:.2f}".removesuffix("0") for value in pair)  # as printed
+    return Cell(f"{precision}/{recall} ({number(column.ap.get(name))})")
 
 
 def precision_recall_csv(results: Results, classes: Sequence[str]) -> str:
@@ -155,11 +164,3 @@ def _triple(results: Results, method: str, class_id: int) -> Cell:
     text = f"{percent(precision)}/{percent(recall)} ({number(ap)})"
     has_limit = threshold is not None and class_id != MEAN_CLASS_ID
     return Cell(text, f"≥ {number(threshold, 2)}" if has_limit else "")
-
-
-def _paper_triple(column: PaperColumn, name: str) -> Cell:
-    pair = column.precision_recall.get(name)
-    if pair is None:
-        return Cell(number(None))
-    precision, recall = (f"{value:.2f}".removesuffix("0") for value in pair)  # as printed
-    return Cell(f"{precision}/{recall} ({number(column.ap.get(name))})")

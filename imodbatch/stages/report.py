@@ -5,12 +5,10 @@ what was lost on the way, and how to get at every number again. It computes no s
 are those of the metrics table.
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -22,6 +20,7 @@ from imodbatch.reporting.grids import Grid
 from imodbatch.reporting.jitters import jitter_csv, jitter_section
 from imodbatch.reporting.losses import losses_grid, status_counts, status_csv, status_grid
 from imodbatch.reporting.names import OFFLINE, in_order, method_style, number, plural
+from imodbatch.reporting.page import page
 from imodbatch.reporting.paper import MARK, PaperColumn, columns
 from imodbatch.reporting.pictures import COLORS
 from imodbatch.reporting.plots import maps, precision_recall_plots, sweep_plot
@@ -107,7 +106,7 @@ def run(
         write_whole(out_dir / "poses.csv", pose_csv(complete["pose_quality"]))
     if context["jitter"]:
         write_whole(out_dir / "jitters.csv", jitter_csv(complete["jitters"]))
-    write_whole(out_dir / PAGE, _page({**context, "info": run_info}))
+    write_whole(out_dir / PAGE, page("report.html.j2", {**context, "info": run_info}))
     return out_dir / PAGE
 
 
@@ -308,20 +307,3 @@ def _dictionary(tables: Mapping[str, pa.Table]) -> list[tuple[str, str, str, str
 
 def _markdown(grids: list[Grid], remark: str) -> str:
     return "\n".join(grid.markdown() for grid in grids) + f"\n{remark}\n"
-
-
-def _page(context: dict[str, Any]) -> str:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("imodbatch.reporting"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    environment.filters["setting"] = _setting
-    return environment.get_template("report.html.j2").render(context)
-
-
-def _setting(value: object) -> str:
-    """A setting as its TOML file would have it, as near as JSON comes."""
-    return json.dumps(value, ensure_ascii=False, default=str)

@@ -16,14 +16,9 @@ from numpy.typing import NDArray
 
 from imodbatch.config import ScoreConfig
 from imodbatch.core.matching import OUTCOME_NAMES
-from imodbatch.core.precision import (
-    Sweep,
-    ap_area,
-    ap_voc07_11pt,
-    best_f1,
-    threshold_sweep,
-)
+from imodbatch.core.precision import ap_area, ap_voc07_11pt
 from imodbatch.core.scoring import Candidates, Truth, match_all, mean_over_classes, ranked_hits
+from imodbatch.core.tuning import tune_threshold
 from imodbatch.errors import ConfigError
 from imodbatch.schemas import BACKGROUND_CLASS_ID, MATCHES, MEAN_CLASS_ID, METRICS, SEVERAL_IOUS
 from imodbatch.stages.background import background_per_pixel
@@ -263,7 +258,8 @@ class _MetricRows:
             for table in (found, annotations, frames, detections)
         )
         tested = _hits(found, annotations, n_classes)
-        thresholds = [_best_threshold(h, config.threshold_step) for h in tuned]
+        step = config.threshold_step
+        thresholds = [tune_threshold(h.scores, h.hits, h.n_annotations, step) for h in tuned]
         points = [_operating_point(h, t) for h, t in zip(tested, thresholds, strict=True)]
         for i, metric in enumerate(("precision", "recall", "f1")):
             self.add_per_class(metric, [point[i] for point in points], tested)
@@ -282,14 +278,6 @@ def class_name(classes: Sequence[str], class_id: int) -> str:
     """Name of a class, of the mean or of the background."""
     special = {MEAN_CLASS_ID: "mean", BACKGROUND_CLASS_ID: "background"}
     return special.get(class_id) or classes[class_id]
-
-
-def _best_threshold(hits: ClassHits, step: float) -> float:
-    """Threshold of largest F1; NaN where the class has no annotation to tune on."""
-    if hits.n_annotations == 0 or len(hits.hits) == 0:
-        return float("nan")
-    sweep: Sweep = threshold_sweep(hits.scores, hits.hits, hits.n_annotations, step)
-    return float(sweep.thresholds[best_f1(sweep)])
 
 
 def _operating_point(hits: ClassHits, threshold: float) -> tuple[float, float, float]:
