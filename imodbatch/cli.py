@@ -13,6 +13,7 @@ import click
 from imodbatch import __version__
 from imodbatch.cli_compare import compare
 from imodbatch.cli_data import DATA_COMMANDS
+from imodbatch.cli_doctor import doctor
 from imodbatch.errors import ImodError
 
 if TYPE_CHECKING:
@@ -301,7 +302,7 @@ def schema(table: str | None) -> None:
             click.echo(f"  {name:20} {str(column.dtype) + nullable:16} {column.meaning}")
 
 
-for _command in (compare, *DATA_COMMANDS):
+for _command in (doctor, compare, *DATA_COMMANDS):
     main.add_command(_command)
 
 

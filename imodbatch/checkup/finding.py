@@ -1,0 +1,92 @@
+"""What a check says: passed, skipped with a reason, or findings with the line that mends them."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Severity = Literal["error", "warning"]
+ERROR: Severity = "error"
+WARNING: Severity = "warning"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong, or may be.
+
+    Attributes:
+        severity: an error spoils the results; a warning deserves a look.
+        seen: what was seen, with its figures, a sentence.
+        mend: lines for the manifest, ``[section] key = value`` each; empty where no manifest line
+            can mend it (then `seen` says what can).
+        figures: the figures by name, unit in the name.
+    """
+
+    severity: Severity
+    seen: str
+    mend: tuple[str, ...] = ()
+    figures: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one check.
+
+    Attributes:
+        check: its name.
+        summary: in a few words what was measured, or why nothing could be.
+        findings: none = passed.
+        is_skipped: nothing could be measured.
+    """
+
+    check: str
+    summary: str
+    findings: tuple[Finding, ...] = ()
+    is_skipped: bool = False
+
+    @property
+    def has_error(self) -> bool:
+        """Whether an error is among the findings."""
+        return any(finding.severity == ERROR for finding in self.findings)
+
+    def as_json(self) -> dict[str, Any]:
+        """The same for a JSON file."""
+        return {
+            "check": self.check,
+            "state": "skipped" if self.is_skipped else "found" if self.findings else "passed",
+            "summary": self.summary,
+            "findings": [
+                {
+                    "severity": finding.severity,
+                    "seen": finding.seen,
+                    "mend": list(finding.mend),
+                    "figures": {
+                        name: value if math.isfinite(value) else None
+                        for name, value in finding.figures.items()
+                    },
+                }
+                for finding in self.findings
+            ],
+        }
+
+
+def skipped(check: str, why: str) -> Outcome:
+    """A check that could not be made."""
+    return Outcome(check, why, is_skipped=True)
+
+
+def setting(section: str, key: str, value: object) -> str:
+    """A line for the manifest: ``[camera] depth.scale_m = 0.001``."""
+    return f"[{section}] {key} = {_toml(value)}"
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    if isinstance(value, float):
+        return repr(float(f"{value:.6g}"))
+    if isinstance(value, dict):
+        inner = ", ".join(f"{_toml(str(k))} = {_toml(v)}" for k, v in value.items())
+        return "{ " + inner + " }"
+    return str(value)
