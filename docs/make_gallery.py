@@ -2,7 +2,7 @@
 
 Example:
     python docs/make_gallery.py --views ~/.cache/imodbatch/views --houses data/house_test \
-        --synth data/synth --train data/house_train
+        --synth data/synth --train data/house_train --variants --tables data/scenes_test
 """
 
 import argparse
@@ -20,6 +20,9 @@ from PIL import Image, ImageDraw, ImageFont
 
 from imodbatch.images import read_color
 from imodbatch.simulation.objects import OBJECTS
+from imodbatch.simulation.scene import render_view
+from imodbatch.simulation.tabletop.world import POOL
+from imodbatch.simulation.variants import RGBD5, make_instance
 from imodbatch.training.cutouts import Cutouts, load_cutouts
 
 Rgb = tuple[int, int, int]
@@ -37,6 +40,8 @@ ELEVATION_DEG = 30
 OBJECT_COLUMNS = 2
 OBJECT_SIZE_PX = (144, 104)
 
+VARIANT_COLUMNS, VARIANT_SIZE_PX = 9, 100
+TABLE_SIZE_PX = (304, 228)
 WORLD_SIZE_PX = (304, 228)
 TRAINING_SIZE_PX = (312, 234)
 WINDOW_SIZE_PX = (384, 288)  # of the training's windows, and of its composed pictures
@@ -66,6 +71,8 @@ def main() -> None:
     parser.add_argument("--houses", type=Path, help="houses of `imodbatch simulate`")
     parser.add_argument("--synth", type=Path, help="composed pictures of `imodbatch synth`")
     parser.add_argument("--train", type=Path, help="houses that a detector is trained on")
+    parser.add_argument("--variants", action="store_true", help="objects of the five classes")
+    parser.add_argument("--tables", type=Path, help="tables of `imodbatch simulate --layout`")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images")
     options = parser.parse_args()
     if (options.synth is None) != (options.train is None):
@@ -78,6 +85,10 @@ def main() -> None:
     if options.synth:
         picture = training_picture(options.synth, options.train, n_composed=8, n_windows=4)
         save(picture, options.out / "training.jpg")
+    if options.variants:
+        save(variants_picture(), options.out / "variants.jpg")
+    if options.tables:
+        save(tables_picture(options.tables), options.out / "tables.jpg")
 
 
 def objects_picture(views: Path) -> Image.Image:
@@ -139,6 +150,29 @@ def training_picture(synth: Path, train: Path, n_composed: int, n_windows: int) 
         image, truths = window(frame)
         tiles.append(drawn(image, truths, TRAINING_SIZE_PX))
     return tiled(tiles, 4)
+
+
+def variants_picture() -> Image.Image:
+    """A row per class: some of its test objects, each from another side."""
+    tiles = []
+    for class_name in RGBD5:
+        for number in range(VARIANT_COLUMNS):
+            model = make_instance(class_name, POOL["test"][0] + number)
+            azimuth_rad = math.tau * number * 0.382
+            rgba = render_view(model, azimuth_rad, math.radians(ELEVATION_DEG), VARIANT_SIZE_PX)
+            tile = Image.new("RGB", (VARIANT_SIZE_PX, VARIANT_SIZE_PX), BACKDROP)
+            tile.paste(Image.fromarray(rgba[..., :3]), mask=Image.fromarray(rgba[..., 3]))
+            tiles.append(tile)
+    return tiled(tiles, VARIANT_COLUMNS)
+
+
+def tables_picture(tables: Path) -> Image.Image:
+    """A frame of each of the first six walks about tables, with the true boxes and azimuths."""
+    tiles = []
+    for path in sorted(tables.glob("truth/*/*/annotations.json"))[:6]:
+        frame = spread(frames_of(path.parent), 1)[0]
+        tiles.append(drawn(Image.fromarray(read_color(frame.path)), frame.truths, TABLE_SIZE_PX))
+    return tiled(tiles, 3)
 
 
 def house_folders(houses: Path) -> list[Path]:
