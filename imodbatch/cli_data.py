@@ -89,7 +89,9 @@ def simulate(
     if models is not None and world != "house":
         raise click.UsageError(f"--models needs --world house; --world {world} takes no models.")
     if workers > 1 and world == "analytic":
-        raise click.UsageError("--workers needs --world house or rooms; analytic takes seconds.")
+        raise click.UsageError(
+            "--workers needs --layout or --world house or rooms; analytic takes no time."
+        )
     sizes: dict[str, Any] = {"n_frames": frames} if frames is not None else {}
     with _bar("simulate") as advance:
         if world == "house":
@@ -138,9 +140,7 @@ def simulate(
 @click.option(
     "--instances",
     type=click.IntRange(min=1),
-    default=100,
-    show_default=True,
-    help="Objects of each class of rgbd5.",
+    help="Objects of each class of rgbd5. Default: 100.",
 )
 @click.option(
     "--distractors",
@@ -253,7 +253,7 @@ def simulate(
 def synth(
     out: Path,
     objects: str | None,
-    instances: int,
+    instances: int | None,
     distractors: int,
     models: Path | None,
     turntable: Path | None,
@@ -286,7 +286,7 @@ def synth(
     from imodbatch.errors import ConfigError
     from imodbatch.training import Recipe, ViewSettings, sources, write_dataset
     from imodbatch.training.backgrounds import list_backgrounds
-    from imodbatch.training.sources import DISTRACTOR_NAME, RGBD5_NAME
+    from imodbatch.training.sources import DISTRACTOR_NAME
 
     if sum(source is not None for source in (objects, models, turntable)) > 1:
         raise ConfigError("Name one of --objects, --models and --turntable, not several.")
@@ -294,8 +294,11 @@ def synth(
         raise ConfigError("--without: names turntable instances; it needs --turntable.")
     if azimuth_sign != "1" and turntable is None:
         raise ConfigError("--azimuth-sign: is of turntable angles; it needs --turntable.")
-    if turntable is not None and renderer != "embree":
-        raise ConfigError("--renderer: turntable pictures are photographs; nothing is rendered.")
+    if turntable is not None and (renderer != "embree" or distractors):
+        raise ConfigError(
+            "--renderer: turntable pictures are photographs; nothing is rendered. --distractors "
+            "go without, too."
+        )
     if backgrounds is not None and n_rooms is not None:
         raise ConfigError("Name one of --backgrounds and --rooms, not both.")
     grid = sources.grid_of(azimuths, elevations)
@@ -314,13 +317,7 @@ def synth(
             azimuth_sign=int(azimuth_sign),
         )
     else:
-        if models is not None:
-            chosen = sources.folder_models(models, symmetry)
-        elif objects == RGBD5_NAME:
-            chosen = sources.rgbd5_models(instances, symmetry)
-        else:
-            chosen = sources.catalogue_models(objects or "household17", symmetry)
-        chosen += sources.distractor_models(distractors)
+        chosen = sources.chosen_models(objects, models, instances, distractors, symmetry)
         settings = ViewSettings(
             grid=grid,
             n_variants=variants,

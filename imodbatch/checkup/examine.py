@@ -210,5 +210,5 @@ def _names(entries: list[Entry] | ImodError, section: AnnotationsSection) -> Cou
     """Boxes by class; None = there are no annotations to read."""
     if section.format == "none" or isinstance(entries, ImodError):
         return None
-    own = [entry.class_name for entry in entries if entry.frame_index is not None]
+    own = [e.class_name for e in entries if e.frame_index is not None and not e.left_out]
     return Counter(section.rename.get(name, name) for name in own)

@@ -91,7 +91,9 @@ def _read_header(file: BinaryIO, path: Path) -> Header:
 def _read_binary(file: BinaryIO, header: Header, path: Path) -> NDArray[np.void]:
     """All properties of all vertices as a structured array (N,)."""
     dtype = np.dtype(header.properties)
-    content = file.read(header.n_vertices * dtype.itemsize)
+    # No more than there is: a damaged header may name any number.
+    n_left = path.stat().st_size - file.tell()
+    content = file.read(min(header.n_vertices * dtype.itemsize, n_left))
     vertices = np.frombuffer(content[: len(content) // dtype.itemsize * dtype.itemsize], dtype)
     if len(vertices) < header.n_vertices:
         raise _cut_short(path, len(vertices), header)

@@ -27,6 +27,8 @@ from imodbatch.training.views import Progress, ViewSettings, prepare_views
 
 CATALOGUES = {"household17": tuple(OBJECTS)}
 """Sets of objects that come with the package."""
+N_INSTANCES = 100
+"""Objects of each class where a user names no number."""
 RGBD5_NAME, DISTRACTOR_NAME = "rgbd5", "distractor"
 """A set of classes with any number of objects; and the name of what is of no class."""
 N_ROOMS = N_PICTURES
@@ -52,15 +54,39 @@ def catalogue_models(
     return _with_symmetries([load_object(name) for name in chosen], symmetries or {})
 
 
+def chosen_models(
+    objects: str | None,
+    folder: Path | None,
+    n_instances: int | None,
+    n_distractors: int,
+    symmetries: Mapping[str, Symmetry],
+) -> list[ObjectModel]:
+    """The models that a user names, by catalogue or folder, and distractors after them.
+
+    Raises:
+        ConfigError: a name or a number that cannot be meant.
+    """
+    if n_instances is not None and objects != RGBD5_NAME:
+        raise ConfigError(f"--instances: needs --objects {RGBD5_NAME}; the others are one each.")
+    if folder is not None:
+        models = folder_models(folder, symmetries)
+    elif objects == RGBD5_NAME:
+        models = rgbd5_models(n_instances or N_INSTANCES, symmetries)
+    else:
+        models = catalogue_models(objects or "household17", symmetries)
+    return models + distractor_models(n_distractors)
+
+
 def rgbd5_models(
     n_instances: int, symmetries: Mapping[str, Symmetry] | None = None
 ) -> list[ObjectModel]:
     """Training objects of bowl, cap, cereal_box, coffee_mug and soda_can: so many of each."""
-    return [
-        _numbered(replace(make_instance(name, k), symmetry=(symmetries or {}).get(name, usual)), k)
-        for name, usual in ((name, class_symmetry(name)) for name in CLASSES)
+    models = [
+        _numbered(replace(make_instance(name, k), symmetry=class_symmetry(name)), k)
+        for name in CLASSES
         for k in _training_numbers(n_instances)
     ]
+    return _with_symmetries(models, symmetries or {})
 
 
 def distractor_models(n: int) -> list[ObjectModel]:

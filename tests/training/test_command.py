@@ -94,6 +94,8 @@ def test_rooms_lie_beside_the_cutouts(monkeypatch):
         (("--objects", "teacup", "--models", "somewhere"), "not several"),
         (("--objects", "teacup", "--without", "bowl_1"), "needs --turntable"),
         (("--objects", "teacup", "--azimuth-sign", "-1"), "needs --turntable"),
+        (("--objects", "teacup", "--instances", "3"), "needs --objects rgbd5"),
+        (("--turntable", "somewhere", "--distractors", "3"), "--distractors"),
         (("--turntable", "somewhere", "--renderer", "blender"), "nothing is rendered"),
         (("--objects", "teacup", "--symmetry", "ball=full"), "--symmetry ball: no such class"),
         (("--rooms", "3"), "--backgrounds and --rooms, not both"),
