@@ -90,7 +90,7 @@ def simulate(
         raise click.UsageError(f"--models needs --world house; --world {world} takes no models.")
     if workers > 1 and world == "analytic":
         raise click.UsageError(
-            "--workers needs --layout or --world house or rooms; analytic takes no time."
+            "--workers needs --world house or rooms, or --layout; analytic is quick."
         )
     sizes: dict[str, Any] = {"n_frames": frames} if frames is not None else {}
     with _bar("simulate") as advance:
