@@ -4,7 +4,7 @@
 #   make table1                     three detectors on simulated houses: the paper's Table 1
 #   make table2 [MANIFEST=…]        two detectors on simulated tables, or on the UW RGB-D Scenes
 #                                   (manifests/rgbd_scenes_v1.toml): the paper's Table 2
-#   make index | poses | detect | lift | fuse | score | report      one stage
+#   make index | poses | detect | lift | fuse | score | diagnose | report      one stage
 #   make test | check | bench | clean
 
 PYTHON   ?= python3
@@ -23,7 +23,7 @@ ARGS     ?=
 BIN       := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEV       := $(VENV)/.installed-dev
-STAGES    := index poses detect lift fuse score report
+STAGES    := index poses detect lift fuse score diagnose report
 TABLE1    := robot17_noview robot17_3x16 robot17_3x8
 POSES     := house_test house_test_true
 TABLE2    := rgbd5_noview rgbd5_3x12

@@ -6,7 +6,7 @@ Heavy libraries load inside the commands, so that ``imodbatch --help`` answers a
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
@@ -25,7 +25,8 @@ STAGE_HELP = {
     "detect": "frames + detector (or its results file) → detections.",
     "lift": "frames + poses + detections → observations: each box gets a place in the world.",
     "fuse": "detections + observations → fused scores and objects.",
-    "score": "fused + annotations → matches, metrics, sweeps, losses, jitters.",
+    "score": "fused + annotations → matches, metrics.",
+    "diagnose": "All before → sweeps, losses, jitters: what holds fusion back.",
     "report": "All tables → one self-contained HTML page, with Markdown and CSV beside it.",
     "run": "All stages, from the dataset folder to the report.",
 }
@@ -83,7 +84,7 @@ class _OneLineErrors(click.Group):
         return list(self.commands)
 
 
-def _fail(message: str) -> None:
+def _fail(message: str) -> NoReturn:
     click.echo(f"imodbatch: error: {message}", err=True)
     sys.exit(1)
 
@@ -111,12 +112,12 @@ def _stage_command(stage: str) -> click.Command:
         device: str | None = None,
     ) -> None:
         from imodbatch import runner
-        from imodbatch.wiring import STAGES
+        from imodbatch.wiring import stages_of
 
         if device is not None:
             settings = (*settings, f"detect.device={device}")
         plan = _plan(manifest, pipeline, out, sequences, settings)
-        todo = STAGES if stage == "run" else (stage,)
+        todo = stages_of(plan.context) if stage == "run" else (stage,)
         if stage != "run":
             _warn_of_stale_inputs(plan, stage)
         with runner.open_executor(workers, scheduler) as executor:
@@ -195,7 +196,7 @@ def _print_outcome(outcome: "Outcome") -> bool:
         click.echo(f"imodbatch: error: {outcome.message}", err=True)
         return False
     mark = " (up to date)" if outcome.state == "up to date" else ""
-    click.echo(f"{outcome.stage} {outcome.label}: {outcome.message}{mark}")
+    click.echo(f"{outcome.title} {outcome.label}: {outcome.message}{mark}")
     return True
 
 
@@ -231,7 +232,7 @@ def status(
     plan = _plan(manifest, pipeline, out, sequences, settings)
     click.echo(f"{plan.run_dir}")
     for outcome in states(plan):
-        line = f"  {outcome.stage:8} {outcome.label:16} {outcome.state:11} {outcome.message}"
+        line = f"  {outcome.title:12} {outcome.label:16} {outcome.state:11} {outcome.message}"
         click.echo(line.rstrip())
 
 

@@ -7,6 +7,7 @@ from textwrap import wrap
 
 import pyarrow as pa
 
+from imodbatch.errors import ConfigError
 from imodbatch.reporting.azimuths import azimuth_block, azimuth_csv, azimuth_grid, azimuth_remark
 from imodbatch.reporting.comparison import Comparison, compare_runs
 from imodbatch.reporting.files import write_parquet, write_whole
@@ -30,8 +31,6 @@ from imodbatch.stages.background import background_per_pixel
 
 TERMINAL_WIDTH = 100
 """Of running text; tables are as wide as they are."""
-THRESHOLD_STEP = 0.01
-"""Of the scores under which Table 2 looks for the best threshold (Konno et al. 2020, Sec. 5.2)."""
 NO_AZIMUTHS = "No annotation says from which azimuth its object is seen."
 
 
@@ -155,7 +154,8 @@ def table_2_of_folders(folders: Sequence[Path]) -> Table2:
         TableError: a run is missing, unfinished or damaged.
     """
     comparison = compare_runs([open_run(folder) for folder in folders])
-    columns = table_2_columns(comparison, THRESHOLD_STEP, _background())
+    step = _threshold_step(comparison)
+    columns = table_2_columns(comparison, step, _background())
     paper = beside(comparison.any_run.classes)
     plain = [table_2(comparison, columns, tuning) for tuning in TUNINGS]
     wide = [table_2(comparison, columns, t, paper, with_thresholds=True) for t in TUNINGS]
@@ -163,12 +163,24 @@ def table_2_of_folders(folders: Sequence[Path]) -> Table2:
         _heading(comparison),
         (*plain, paper_table_2()),
         tuple(wide) if paper else (*wide, paper_table_2()),
-        tuple(remarks(comparison, columns, THRESHOLD_STEP)),
+        tuple(remarks(comparison, columns, step)),
         {
             "table2": figures_table(comparison, columns),
             "table2_thresholds": thresholds_table(comparison, columns),
         },
     )
+
+
+def _threshold_step(comparison: Comparison) -> float:
+    """The one that all runs tuned their thresholds with (Konno et al. 2020, Sec. 5.2: 0.01)."""
+    first, *others = comparison.runs
+    for run in others:
+        if run.threshold_step != first.threshold_step:
+            raise ConfigError(
+                f"{first.folder} and {run.folder} differ in metrics.threshold_step: "
+                f"{first.threshold_step:g} and {run.threshold_step:g}. Run both with one."
+            )
+    return first.threshold_step
 
 
 def _background() -> Background:
@@ -185,7 +197,4 @@ def _background() -> Background:
 
 
 def _heading(comparison: Comparison) -> str:
-    runs = [*comparison.groups.values()]
-    if comparison.without_view is not None:
-        runs.insert(0, comparison.without_view)
-    return "Compared: " + ", ".join(run.folder.name for run in runs)
+    return "Compared: " + ", ".join(run.folder.name for run in comparison.runs)

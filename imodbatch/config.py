@@ -38,6 +38,11 @@ class PosesConfig(StrictModel):
     interpolate: Literal["never", "gaps", "always"] = "gaps"
     max_interpolation_gap_ms: Annotated[float, Field(ge=0)] = 200.0
     levelling_frames: Annotated[int, Field(ge=1)] = 20
+
+
+class PoseQualityConfig(StrictModel):
+    """How poses are judged; changes none of them."""
+
     rpe_delta_frames: Annotated[int, Field(ge=1)] = 30
 
 
@@ -110,22 +115,43 @@ class FuseConfig(StrictModel):
     probability_floor: Annotated[float, Field(gt=0, lt=0.5)] = 1e-4
 
 
-class ScoreConfig(StrictModel):
-    """How boxes are held against the annotations."""
+class MatchingConfig(StrictModel):
+    """Which box finds which annotation."""
 
-    iou_percents: tuple[Percent, ...] = (50,)
-    matching: Literal["voc", "coco"] = "voc"
-    metrics: tuple[Literal["ap_voc07_11pt", "ap_area", "ap_coco"], ...] = (
+    iou_percents: Annotated[tuple[Percent, ...], Field(min_length=1)] = (50,)
+    rule: Literal["voc", "coco"] = "voc"
+
+
+class MetricsConfig(StrictModel):
+    """What is computed from the matches."""
+
+    names: tuple[Literal["ap_voc07_11pt", "ap_area", "ap_coco"], ...] = (
         "ap_voc07_11pt",
         "ap_area",
         "ap_coco",
     )
     threshold_step: Positive = 0.01
     threshold_sequences: tuple[str, ...] = ()
-    voxel_sweep_m: tuple[Positive, ...] = (0.1, 0.15, 0.2, 0.25, 0.3, 0.4)
-    jitter_m: tuple[Thousandths, ...] = ()
-    jitter_deg: tuple[Thousandths, ...] = ()
-    jitter_repeats: Annotated[int, Field(ge=1)] = 3
+
+
+class DiagnoseConfig(StrictModel):
+    """Whether the stage `diagnose` is run: sweeps, losses and jitters."""
+
+    enabled: bool = True
+
+
+class SweepConfig(StrictModel):
+    """At which voxel sizes the run is fused and scored again."""
+
+    voxel_sizes_m: tuple[Positive, ...] = (0.1, 0.15, 0.2, 0.25, 0.3, 0.4)
+
+
+class JitterConfig(StrictModel):
+    """Under which disturbances of the poses the run is fused and scored again."""
+
+    shifts_m: tuple[Thousandths, ...] = ()
+    turns_deg: tuple[Thousandths, ...] = ()
+    repeats: Annotated[int, Field(ge=1)] = 3
 
 
 class ReportConfig(StrictModel):
@@ -138,19 +164,37 @@ class ReportConfig(StrictModel):
 
 
 class Pipeline(StrictModel):
-    """One experiment: a section per stage."""
+    """One experiment: one section or more per stage."""
 
     poses: PosesConfig = PosesConfig()
+    pose_quality: PoseQualityConfig = PoseQualityConfig()
     slam: SlamConfig = SlamConfig()
     sfm: SfmConfig = SfmConfig()
     detect: DetectConfig = DetectConfig()
     viewpoint: ViewpointConfig = ViewpointConfig()
     lift: LiftConfig = LiftConfig()
     fuse: FuseConfig = FuseConfig()
-    score: ScoreConfig = ScoreConfig()
+    matching: MatchingConfig = MatchingConfig()
+    metrics: MetricsConfig = MetricsConfig()
+    diagnose: DiagnoseConfig = DiagnoseConfig()
+    sweep: SweepConfig = SweepConfig()
+    jitter: JitterConfig = JitterConfig()
     report: ReportConfig = ReportConfig()
 
 
+MOVED = {
+    "poses.rpe_delta_frames": "pose_quality.rpe_delta_frames",
+    "score.iou_percents": "matching.iou_percents",
+    "score.matching": "matching.rule",
+    "score.metrics": "metrics.names",
+    "score.threshold_step": "metrics.threshold_step",
+    "score.threshold_sequences": "metrics.threshold_sequences",
+    "score.voxel_sweep_m": "sweep.voxel_sizes_m",
+    "score.jitter_m": "jitter.shifts_m",
+    "score.jitter_deg": "jitter.turns_deg",
+    "score.jitter_repeats": "jitter.repeats",
+}
+"""Settings by the names of version 0.1, and theirs since."""
 Model = TypeVar("Model", bound=BaseModel)
 UNION_BRANCHES = ("function-", "literal[", "tuple[")  # pydantic's names, of no use to a reader
 
@@ -163,7 +207,18 @@ def load_pipeline(path: Path | None, settings: Sequence[str] = ()) -> Pipeline:
     """
     data = {} if path is None else read_toml(path)
     where = "pipeline" if path is None else str(path)
-    return validate(Pipeline, apply_settings(data, settings), where)
+    data = apply_settings(data, settings)
+    _refuse_moved(data, where)
+    return validate(Pipeline, data, where)
+
+
+def _refuse_moved(data: dict[str, Any], where: str) -> None:
+    """Say of a setting that bears its old name what it is called."""
+    for old, name in MOVED.items():
+        section, key = old.split(".")
+        values = data.get(section)
+        if isinstance(values, dict) and key in values:
+            raise ConfigError(f"{where}: {old} is now {name}. Rename it.")
 
 
 def apply_settings(data: dict[str, Any], settings: Sequence[str]) -> dict[str, Any]:

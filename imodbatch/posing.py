@@ -1,4 +1,4 @@
-"""How the poses step comes by its poses: sources, levelling and judging put together."""
+"""How poses come about: sources, levelling, and, a step of its own, judging."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -10,8 +10,9 @@ import pyarrow as pa
 from numpy.typing import ArrayLike, NDArray
 
 from imodbatch.context import Context, camera_of
+from imodbatch.core.alignment import known
 from imodbatch.core.depth import DepthImage
-from imodbatch.core.trajectory import Trajectory
+from imodbatch.core.trajectory import FramePoses, Trajectory
 from imodbatch.datasets.registry import adapter_of
 from imodbatch.engines.levelling.up import Up
 from imodbatch.engines.rgbd import RgbdFrames
@@ -20,6 +21,7 @@ from imodbatch.images import UnreadableImageError
 from imodbatch.manifest import SequenceSection
 from imodbatch.stages import index, pose_quality, poses
 from imodbatch.stages.base import Progress, StageResult, column
+from imodbatch.tables import attributes_of
 
 Tables = dict[str, pa.Table]
 
@@ -27,7 +29,7 @@ Tables = dict[str, pa.Table]
 def pose_step(
     context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
 ) -> StageResult:
-    """Poses of a sequence from where the pipeline says, upright, and how good they are."""
+    """Poses of a sequence from where the pipeline says, upright."""
     manifest, frames = context.manifest, tables["frames"]
     source = context.pipeline.poses.source
     trajectory = TRAJECTORY_SOURCES[source](context, sequence, frames, progress)
@@ -37,32 +39,29 @@ def pose_step(
         found = estimate_up(context, sequence, frames, trajectory.poses.world_from_cam, progress)
         up, how = found.direction, str(found)
         trajectory = replace(trajectory, figures={**trajectory.figures, **found.figures()})
-    placed = poses.run(frames, trajectory, up, how)
-    judged = _judge(context, sequence, frames, trajectory, placed.tables["poses"])
-    return StageResult(
-        {**placed.tables, **judged.tables},
-        "; ".join(part for part in (placed.summary, judged.summary) if part),
-        [*placed.warnings, *judged.warnings],
-        placed.attributes,
-    )
+    return poses.run(frames, trajectory, up, how)
 
 
-def _judge(
-    context: Context,
-    sequence: SequenceSection,
-    frames: pa.Table,
-    trajectory: Trajectory,
-    placed: pa.Table,
+def quality_step(
+    context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
 ) -> StageResult:
-    """How good finished poses are; here only are true poses read."""
+    """How good the poses of a sequence are; here only are true poses read."""
+    del progress
+    frames = tables["frames"]
     from imodbatch.engines import trajectory_checks
 
     checks = pose_quality.ImageChecks(
         trajectory_checks.reprojection_errors_px, trajectory_checks.loop_errors
     )
-    images, config = rgbd_frames(context, frames), context.pipeline.poses
-    reference = _reference(context, sequence, frames)
-    return pose_quality.run(frames, placed, trajectory, reference, images, checks, config)
+    return pose_quality.run(
+        frames,
+        tables["poses"],
+        attributes_of(tables["poses"])["figures"],
+        _reference(context, sequence, frames),
+        rgbd_frames(context, frames),
+        checks,
+        context.pipeline.pose_quality,
+    )
 
 
 def _reference(
@@ -79,7 +78,16 @@ def _reference(
         raise DataError(f"[reference] {error}") from None
     section = manifest.reference
     up = manifest.world.direction() if section is None else section.up_direction()
-    return pose_quality.Reference(of_frames, up)
+    is_judged = context.pipeline.poses.source == "odometry" and _is_same(
+        _from_odometry(context, sequence, frames, iter).poses, of_frames
+    )
+    return pose_quality.Reference(of_frames, up, is_judged)
+
+
+def _is_same(judged: FramePoses, true: FramePoses) -> bool:
+    both = known(judged.world_from_cam) & known(true.world_from_cam)
+    same = np.array_equal(judged.world_from_cam[both], true.world_from_cam[both])
+    return bool(both.any() and same)
 
 
 def estimate_up(
@@ -178,10 +186,12 @@ def _points_cam(context: Context, row: Any, max_depth_m: float) -> NDArray[np.fl
 
 
 def pose_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
-    """Files that the poses and their quality depend on."""
+    """Files that the poses depend on."""
     manifest, adapter = context.manifest, adapter_of(context.manifest)
     is_estimated = context.pipeline.poses.source != "odometry"
-    return [
-        *(index.image_files if is_estimated else adapter.odometry_files)(manifest, sequence),
-        *adapter.reference_files(manifest, sequence),
-    ]
+    return (index.image_files if is_estimated else adapter.odometry_files)(manifest, sequence)
+
+
+def reference_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
+    """Files of true poses."""
+    return adapter_of(context.manifest).reference_files(context.manifest, sequence)

@@ -10,6 +10,7 @@ from imodbatch.reporting.run_info import RunInfo
 from imodbatch.runner import Plan
 from imodbatch.schemas import TABLES
 from imodbatch.stages import report
+from imodbatch.wiring import STEPS, stages_of
 
 REPORT_FOLDER = "report"
 PACKAGES = ("numpy", "pandas", "pyarrow", "torch", "torchvision", "open3d", "faster-coco-eval")
@@ -22,9 +23,12 @@ def write_report(plan: Plan, pipeline_name: str) -> Path:
     Raises:
         TableError: a stage has not run yet.
     """
+    stages = stages_of(plan.context)
+    shown = {name for step in STEPS if step.stage in stages for name in step.writes}
     tables = {
         name: runner.load(plan, name, [n for n in spec.schema.names if n not in HEAVY_COLUMNS])
         for name, spec in TABLES.items()
+        if name in shown
     }
     manifest, pipeline = plan.context.manifest, plan.context.pipeline
     info = RunInfo(
@@ -35,7 +39,7 @@ def write_report(plan: Plan, pipeline_name: str) -> Path:
         versions=_versions(),
         settings=pipeline.model_dump(mode="json"),
         summaries=tuple(
-            (outcome.stage, outcome.label, outcome.message) for outcome in runner.states(plan)
+            (outcome.title, outcome.label, outcome.message) for outcome in runner.states(plan)
         ),
         created=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pyarrow as pa
 from tqdm import tqdm
@@ -32,7 +32,7 @@ from imodbatch.tables import (
     table_path,
     write_table,
 )
-from imodbatch.wiring import STAGES, STEPS, Step
+from imodbatch.wiring import STAGES, STEPS, Step, stages_of
 
 UP_TO_DATE, DONE, FAILED = "up to date", "done", "failed"
 STALE, MISSING = "stale", "missing"
@@ -71,9 +71,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one step for one sequence: `message` is its summary, or its error."""
+    """What became of one step for one sequence: `message` is its summary, or its error.
+
+    `title` is the stage, or the name of a step beside the stage's main one.
+    """
 
     stage: str
+    title: str
     label: str
     state: str
     message: str
@@ -112,13 +116,14 @@ def states(plan: Plan) -> Iterator[Outcome]:
     A table that fits the tables it was made from is stale all the same if one of those is.
     """
     behind: set[tuple[str, str]] = set()
-    for step in STEPS:
+    wanted = stages_of(plan.context)
+    for step in (step for step in STEPS if step.stage in wanted):
         for sequences in _units(plan, step):
             reads_stale = any((name, s.id) in behind for name in step.reads for s in sequences)
             state, message = _state(plan, step, sequences, reads_stale)
             if state != UP_TO_DATE:
                 behind |= {(name, s.id) for name in step.writes for s in sequences}
-            yield Outcome(step.stage, _label(step, sequences), state, message)
+            yield Outcome(step.stage, step.title, _label(step, sequences), state, message)
 
 
 def _state(
@@ -145,7 +150,7 @@ def stale_inputs(plan: Plan, stage: str, with_itself: bool = False) -> list[str]
     """
     before = _stages_before(stage) | ({stage} if with_itself else set())
     return [
-        f"{outcome.stage} {outcome.label}"
+        f"{outcome.title} {outcome.label}"
         for outcome in states(plan)
         if outcome.state == STALE and outcome.stage in before
     ]
@@ -222,13 +227,13 @@ def _run_step(
         executor.submit(_run_unit, plan, STEPS.index(step), sequences, overwrite, iter)
         for sequences in units
     ]
-    done = tqdm(as_completed(futures), step.stage, len(futures), leave=False, disable=None)
+    done = tqdm(as_completed(futures), step.title, len(futures), leave=False, disable=None)
     yield from (future.result() for future in done)
 
 
 def _bar(step: Step, sequences: tuple[SequenceSection, ...]) -> Progress[Any]:
     """A progress bar on stderr, shown where stderr is a terminal."""
-    title = f"{step.stage} {_label(step, sequences)}"
+    title = f"{step.title} {_label(step, sequences)}"
     return lambda items: tqdm(items, title, leave=False, disable=None)
 
 
@@ -245,7 +250,7 @@ def _run_unit(
     try:
         if not overwrite and _is_up_to_date(plan, step, sequences):
             info = read_info(_output_paths(plan, step, sequences)[0])
-            return Outcome(step.stage, label, UP_TO_DATE, info.summary if info else "")
+            return Outcome(step.stage, step.title, label, UP_TO_DATE, info.summary if info else "")
         provenance = _provenance(plan, step, sequences)
         tables = {name: load(replace(plan, sequences=sequences), name) for name in step.reads}
         result = step.execute(plan.context, sequences[0], tables, progress)
@@ -256,8 +261,8 @@ def _run_unit(
             )
             write_table(path, result.tables[name], info)
     except ImodError as error:
-        return Outcome(step.stage, label, FAILED, str(error))
-    return Outcome(step.stage, label, DONE, result.summary, tuple(result.warnings))
+        return Outcome(step.stage, step.title, label, FAILED, str(error))
+    return Outcome(step.stage, step.title, label, DONE, result.summary, tuple(result.warnings))
 
 
 def _output_paths(plan: Plan, step: Step, sequences: tuple[SequenceSection, ...]) -> list[Path]:
@@ -305,7 +310,7 @@ def _identity(plan: Plan, table: str, sequence_id: str) -> str:
     info = read_info(path)
     if info is None:
         _explain_missing(path, table)
-    return info.digest  # type: ignore[union-attr]
+    return info.digest
 
 
 def _read(plan: Plan, table: str, unit: str) -> pa.Table:
@@ -315,7 +320,7 @@ def _read(plan: Plan, table: str, unit: str) -> pa.Table:
     return read_table(path, TABLES[table])
 
 
-def _explain_missing(path: Path, table: str) -> None:
+def _explain_missing(path: Path, table: str) -> NoReturn:
     """Say which stage writes a table that is not there or cannot be read."""
     stage = next(step.stage for step in STEPS if table in step.writes)
     fault = "damaged" if path.exists() else "no such table"

@@ -47,6 +47,11 @@ class TableInfo:
     attributes: dict[str, Any] = field(default_factory=dict)
 
     @property
+    def inputs(self) -> dict[str, dict[str, str]]:
+        """Table → sequence → identity of the tables that it was made from."""
+        return dict(self.provenance.get("inputs", {}))
+
+    @property
     def digest(self) -> str:
         """Digest of table name, version and provenance: the table's identity."""
         return digest([self.table, self.version, self.provenance])
@@ -149,6 +154,12 @@ def read_info(path: Path) -> TableInfo | None:
     return TableInfo(**{**values, "key": tuple(values["key"])})
 
 
+def attributes_of(table: pa.Table) -> dict[str, Any]:
+    """The stage's figures that came with a table as it was read; of several, those of the first."""
+    stored = (table.schema.metadata or {}).get(METADATA_KEY, b"{}")
+    return dict(json.loads(stored).get("attributes", {}))
+
+
 def read_table(path: Path, spec: TableSpec) -> pa.Table:
     """Read and check a table.
 
@@ -168,7 +179,7 @@ def read_table(path: Path, spec: TableSpec) -> pa.Table:
         )
     try:
         table = pq.read_table(path, partitioning=None, page_checksum_verification=True)
-        return conform(table, spec)
+        return conform(table, spec).replace_schema_metadata(table.schema.metadata)
     except (OSError, pa.ArrowInvalid) as error:
         message = str(error).splitlines()[0]
         raise TableError(f"{path}: damaged ({message}). Delete it and run again.") from None

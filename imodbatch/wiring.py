@@ -22,7 +22,7 @@ from imodbatch.datasets.registry import adapter_of, annotated, camera_model, lay
 from imodbatch.engines.detector.card import weights_digest
 from imodbatch.errors import ConfigError
 from imodbatch.manifest import SequenceSection
-from imodbatch.posing import pose_files, pose_step
+from imodbatch.posing import pose_files, pose_step, quality_step, reference_files
 from imodbatch.stages import detect, fuse, index, jitter, lift, limits, score
 from imodbatch.stages.base import Progress, StageResult
 from imodbatch.stages.refusion import Evidence
@@ -47,6 +47,8 @@ class Step:
         execute: does it. A per-run step gets the first sequence as a stand-in.
         depends_on: the settings its result depends on.
         files: the files outside the run folder that its result depends on.
+        per_run: whether it is done once for the run.
+        name: where it is not the stage's main step.
     """
 
     stage: str
@@ -56,6 +58,12 @@ class Step:
     depends_on: Sections
     files: Files = lambda context, sequence: ()  # noqa: ARG005
     per_run: bool = False
+    name: str = ""
+
+    @property
+    def title(self) -> str:
+        """What its lines begin with."""
+        return self.name or self.stage
 
 
 def _index(
@@ -77,30 +85,31 @@ def _index_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
 def _pose_settings(context: Context, sequence: SequenceSection) -> dict[str, Any]:
     source = context.pipeline.poses.source
     own = ("@odometry",) if source == "odometry" else (source,)
-    return _settings("poses", "@world", "@camera", "@reference", *own)(context, sequence)
+    return _settings("poses", "@world", "@camera", *own)(context, sequence)
 
 
 def _detect(
     context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
 ) -> StageResult:
     manifest, config = context.manifest, context.pipeline.detect
+    viewpoint = context.pipeline.viewpoint
+    grid = (len(viewpoint.elevations_deg), viewpoint.n_azimuths)
     if manifest.detections is not None and config.weights is None:
         camera = camera_model(manifest, sequence).color
-        viewpoint = context.pipeline.viewpoint
         imported = read_detections(
             annotated(manifest, sequence),
             sequence,
             adapter_of(manifest).frames(manifest, sequence),
             camera.width_px,
             camera.height_px,
-            (len(viewpoint.elevations_deg), viewpoint.n_azimuths),
+            grid,
         )
-        return detect.run_imported(sequence.id, imported, context.n_classes, config)
+        return detect.run_imported(sequence.id, imported, context.n_classes, grid, config)
     weights = _weights(context)
     detector = _detector(weights, config.device, weights_digest(weights))
     _check_card(detector.card, context)
     return detect.run_detector(
-        tables["frames"], context.read_color, detector, context.n_classes, config, progress
+        tables["frames"], context.read_color, detector, context.n_classes, grid, config, progress
     )
 
 
@@ -156,7 +165,7 @@ def _detect_settings(context: Context, sequence: SequenceSection) -> dict[str, A
     speed = {"device", "batch_size"}  # change nothing in the result
     return {
         "detect": context.pipeline.detect.model_dump(exclude=speed),
-        "viewpoint": _dump(context.pipeline.viewpoint),
+        "grid": _grid(context),
         "classes": context.manifest.classes,
         "detections": _dump(context.manifest.detections),
     }
@@ -198,7 +207,7 @@ def _match(
 ) -> StageResult:
     del sequence, progress
     return score.match(
-        tables["fused"], tables["detections"], tables["annotations"], context.pipeline.score
+        tables["fused"], tables["detections"], tables["annotations"], context.pipeline.matching
     )
 
 
@@ -213,7 +222,8 @@ def _summarise(
         tables["matches"],
         context.manifest.classes,
         _coco_ap,
-        context.pipeline.score,
+        context.pipeline.matching,
+        context.pipeline.metrics,
     )
 
 
@@ -240,14 +250,18 @@ def _evidence(context: Context, tables: Tables) -> Evidence:
     )
 
 
-def _limits(
+def _sweep(
     context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
 ) -> StageResult:
     del sequence
-    evidence = _evidence(context, tables)
-    swept = limits.sweep(evidence, progress)
-    lost = limits.losses(evidence, tables["poses"], context.manifest.classes)
-    return StageResult({**swept.tables, **lost.tables}, f"{swept.summary}; {lost.summary}")
+    return limits.sweep(_evidence(context, tables), progress)
+
+
+def _losses(
+    context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
+) -> StageResult:
+    del sequence, progress
+    return limits.losses(_evidence(context, tables), tables["poses"], context.manifest.classes)
 
 
 def _jitter(
@@ -281,35 +295,57 @@ def _index_settings(context: Context, sequence: SequenceSection) -> dict[str, An
     return {**_settings(*names)(context, sequence), "sequence": _dump(sequence)}
 
 
-JITTER_KEYS = frozenset({"jitter_m", "jitter_deg", "jitter_repeats"})
+def _grid(context: Context) -> dict[str, Any]:
+    """The viewpoints told apart; how far outside a box may be seen matters to its place alone."""
+    return context.pipeline.viewpoint.model_dump(include={"n_azimuths", "elevations_deg"})
 
 
-def _score_settings(*names: str) -> Sections:
-    """`_settings` with all of ``[score]`` but what concerns the step `_jitter` alone."""
+def _with_grid(*names: str) -> Sections:
+    """`_settings` and the grid of viewpoints."""
+    return lambda context, sequence: {
+        **_settings(*names)(context, sequence),
+        "grid": _grid(context),
+    }
+
+
+def _fusing_again(*names: str) -> Sections:
+    """What fusing and scoring once more depends on, whatever for, and more sections by name."""
 
     def collect(context: Context, sequence: SequenceSection) -> dict[str, Any]:
-        score_section = context.pipeline.score.model_dump(mode="json", exclude=set(JITTER_KEYS))
-        return {**_settings(*names)(context, sequence), "score": score_section}
+        matching = context.pipeline.matching
+        return {
+            **_with_grid("fuse", "@classes", *names)(context, sequence),
+            "matching": {"iou_percent": matching.iou_percents[0], "rule": matching.rule},
+        }
 
     return collect
 
 
 def _jitter_settings(context: Context, sequence: SequenceSection) -> dict[str, Any]:
-    keys = {"iou_percents", "matching", *JITTER_KEYS}
-    score_section = context.pipeline.score.model_dump(mode="json", include=keys)
-    others = _settings("fuse", "viewpoint", "lift", "@classes")(context, sequence)
-    return {**others, "score": score_section}
+    """Disturbed boxes are placed again."""
+    placing = context.pipeline.lift.model_dump(include={"max_depth_m", "voxel_size_m"})
+    return {**_fusing_again("jitter", "viewpoint")(context, sequence), "lift": placing}
 
 
+DIAGNOSE = "diagnose"
 STEPS: tuple[Step, ...] = (
     Step("index", (), ("frames", "annotations"), _index, _index_settings, _index_files),
     Step(
         "poses",
         ("frames",),
-        ("poses", "pose_quality", "reference_poses"),
+        ("poses",),
         pose_step,
         _pose_settings,
         pose_files,
+    ),
+    Step(
+        "poses",
+        ("frames", "poses"),
+        ("pose_quality", "reference_poses"),
+        quality_step,
+        _settings("pose_quality", "@world", "@camera", "@reference"),
+        reference_files,
+        name="pose_quality",
     ),
     Step("detect", ("frames",), ("detections",), _detect, _detect_settings, _detect_files),
     Step(
@@ -324,33 +360,41 @@ STEPS: tuple[Step, ...] = (
         ("frames", "detections", "observations"),
         ("fused", "objects"),
         _fuse,
-        _settings("viewpoint", "fuse", "@classes"),
+        _with_grid("fuse", "@classes"),
     ),
     Step(
         "score",
         ("fused", "detections", "annotations"),
         ("matches",),
         _match,
-        _score_settings(),
+        _settings("matching"),
     ),
     Step(
         "score",
         ("frames", "annotations", "detections", "matches"),
         ("metrics",),
         _summarise,
-        _score_settings("@classes"),
+        _settings("matching", "metrics", "@classes"),
         per_run=True,
     ),
     Step(
-        "score",
+        DIAGNOSE,
+        ("frames", "annotations", "detections", "observations"),
+        ("sweeps",),
+        _sweep,
+        _fusing_again("sweep"),
+        per_run=True,
+    ),
+    Step(
+        DIAGNOSE,
         ("frames", "annotations", "poses", "detections", "observations"),
-        ("sweeps", "losses"),
-        _limits,
-        _score_settings("fuse", "viewpoint", "lift", "@classes"),
+        ("losses",),
+        _losses,
+        _fusing_again(),
         per_run=True,
     ),
     Step(
-        "score",
+        DIAGNOSE,
         ("frames", "annotations", "poses", "detections", "observations"),
         ("jitters",),
         _jitter,
@@ -359,3 +403,9 @@ STEPS: tuple[Step, ...] = (
     ),
 )
 STAGES = (*dict.fromkeys(step.stage for step in STEPS), "report")
+
+
+def stages_of(context: Context) -> tuple[str, ...]:
+    """The stages of a run: all, or all but `diagnose` where the pipeline leaves it out."""
+    is_diagnosed = context.pipeline.diagnose.enabled
+    return tuple(stage for stage in STAGES if is_diagnosed or stage != DIAGNOSE)

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from scene import CAMERA, GRID, make_scene
 
-from imodbatch.config import LiftConfig, Pipeline, ScoreConfig, ViewpointConfig
+from imodbatch.config import LiftConfig, Pipeline, ViewpointConfig
 from imodbatch.core.frames import quaternion_from_matrix
 from imodbatch.schemas import ANNOTATIONS, DETECTIONS, FRAMES, POSES
 from imodbatch.simulation.analytic.catalogue import CLASSES
@@ -83,8 +83,8 @@ def observations_table(viewpoint=VIEWPOINT):
     return result.tables["observations"]
 
 
-def evidence(observations, **score):
-    pipeline = Pipeline(viewpoint=VIEWPOINT, lift=LIFT, score=ScoreConfig(**score))
+def evidence(observations, **sections):
+    pipeline = Pipeline(viewpoint=VIEWPOINT, lift=LIFT, **sections)
     return Evidence(
         frames_table(),
         annotations_table(),

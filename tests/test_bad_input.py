@@ -20,8 +20,8 @@ QUICK = """
 [fuse]
 methods = ["single", "imod"]
 mode = "online"
-[score]
-voxel_sweep_m = []
+[sweep]
+voxel_sizes_m = []
 [report]
 n_frames = 0
 """

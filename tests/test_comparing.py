@@ -22,7 +22,6 @@ from imodbatch.tables import TableInfo, empty, from_rows, read_info, table_path,
 CLASSES = ("cup", "ball", "spoon")
 CUP, BALL, SPOON = range(3)
 SEQUENCES = ("a", "b")
-ELEVATIONS = (10.0, 30.0, 50.0)
 BOX = {"x0_px": 0, "y0_px": 0, "x1_px": 10, "y1_px": 10}
 ANNOTATIONS = [  # one cup (azimuth, in bins of 16: 1.2) and one ball in each of two sequences
     {"sequence_id": s, "frame_index": 0, "annotation_index": k, "class_id": k, **BOX}
@@ -40,10 +39,12 @@ PERFECT = 1.0
 FAIR_AP = (6 * 1.0 + 5 * 2 / 3) / 11  # right, wrong, right
 
 
-def write(folder: Path, name: str, unit: str, rows: list[dict], provenance: dict) -> None:
+def write(
+    folder: Path, name: str, unit: str, rows: list[dict], provenance: dict, **attributes: object
+) -> None:
     spec = TABLES[name]
     table = from_rows(spec, rows) if rows else empty(spec)
-    info = TableInfo(name, spec.version, spec.key, provenance)
+    info = TableInfo(name, spec.version, spec.key, provenance, "", attributes)
     write_table(table_path(folder, name, unit), table, info)
 
 
@@ -71,10 +72,8 @@ def make_run(
             {**key, **BOX, "background_score": 0.1, "class_ids": [0], "view_scores": vector.ravel()}
             for key in keys
         ]
-        settings = {
-            "viewpoint": {"n_azimuths": n_azimuths or 16, "elevations_deg": list(ELEVATIONS)}
-        }
-        write(folder, "detections", s, boxes, {"settings": settings})
+        grid = {"n_elevations": 3 if n_azimuths else 1, "n_azimuths": n_azimuths or 1}
+        write(folder, "detections", s, boxes, {}, **grid)
         write(folder, "annotations", s, [a for a in annotations if a["sequence_id"] == s], {})
         matches = [
             {**keys[i], "method": method, "class_id": class_id, "iou_percent": 50}
@@ -88,8 +87,8 @@ def make_run(
         ]
         write(folder, "matches", s, matches, {"of": folder.name})
     digests = {s: read_info(table_path(folder, "matches", s)).digest for s in sequences}
-    provenance = {"settings": {"@classes": CLASSES}, "inputs": {"matches": digests}}
-    write(folder, "metrics", "run", [], provenance)
+    provenance = {"inputs": {"matches": digests}}
+    write(folder, "metrics", "run", [], provenance, classes=CLASSES, threshold_step=0.01)
     return folder
 
 
@@ -350,7 +349,7 @@ def test_the_figures_are_those_of_the_metrics_of_a_real_run(
     monkeypatch.chdir(tmp_path)
     manifest, pipeline = tmp_path / "small.toml", tmp_path / "quick.toml"
     manifest.write_text(analytic_manifest(analytic_data, "walk_1", "walk_2"))
-    pipeline.write_text("[score]\nvoxel_sweep_m = [0.2]\n[report]\nn_frames = 0\n")
+    pipeline.write_text("[sweep]\nvoxel_sizes_m = [0.2]\n[report]\nn_frames = 0\n")
     assert cli("run", manifest, "--pipeline", pipeline).exit_code == 0
     result = cli("compare", manifest, pipeline)
     assert (result.exit_code, result.stderr) == (0, "")

@@ -6,7 +6,14 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from imodbatch.config import Pipeline, apply_settings, did_you_mean, load_pipeline, read_toml
+from imodbatch.config import (
+    MOVED,
+    Pipeline,
+    apply_settings,
+    did_you_mean,
+    load_pipeline,
+    read_toml,
+)
 from imodbatch.errors import ConfigError
 
 DEFAULT_FILE = Path(__file__).parents[1] / "pipelines" / "default.toml"
@@ -44,10 +51,10 @@ def test_a_file_changes_what_it_says_and_nothing_else(tmp_path):
     assert pipeline.fuse.methods == ("imod",)
     default = Pipeline()
     assert pipeline.lift.model_copy(update={"voxel_size_m": 0.2}) == default.lift
-    assert (pipeline.poses, pipeline.detect, pipeline.score) == (
+    assert (pipeline.poses, pipeline.detect, pipeline.metrics) == (
         default.poses,
         default.detect,
-        default.score,
+        default.metrics,
     )
 
 
@@ -100,17 +107,18 @@ def test_did_you_mean_knows_its_limits():
         ("poses.max_gap_ms=-1", "poses.max_gap_ms"),
         ("poses.source=gps", "poses.source"),
         ("poses.interpolate=yes", "poses.interpolate"),
-        ("poses.rpe_delta_frames=0", "poses.rpe_delta_frames"),
+        ("pose_quality.rpe_delta_frames=0", "pose_quality.rpe_delta_frames"),
         ("fuse.probability_floor=0.5", "fuse.probability_floor"),
         ("fuse.methods=imod", "fuse.methods"),
         ("fuse.methods=['imod', 'magic']", "fuse.methods.1"),
-        ("score.iou_percents=[0]", "score.iou_percents.0"),
-        ("score.metrics=['map']", "score.metrics.0"),
-        ("score.jitter_m=[0.01, -0.02]", "score.jitter_m.1"),
-        ("score.jitter_m=[0]", "score.jitter_m.0"),
-        ("score.jitter_m=0.05", "score.jitter_m"),
-        ("score.jitter_deg=[-1]", "score.jitter_deg.0"),
-        ("score.jitter_repeats=0", "score.jitter_repeats"),
+        ("matching.iou_percents=[0]", "matching.iou_percents.0"),
+        ("matching.iou_percents=[]", "matching.iou_percents"),
+        ("metrics.names=['map']", "metrics.names.0"),
+        ("jitter.shifts_m=[0.01, -0.02]", "jitter.shifts_m.1"),
+        ("jitter.shifts_m=[0]", "jitter.shifts_m.0"),
+        ("jitter.shifts_m=0.05", "jitter.shifts_m"),
+        ("jitter.turns_deg=[-1]", "jitter.turns_deg.0"),
+        ("jitter.repeats=0", "jitter.repeats"),
         ("report.n_frames=61", "report.n_frames"),
     ],
 )
@@ -137,7 +145,7 @@ def test_a_section_that_is_no_table(tmp_path):
         ("detect.batch_size=8", 8),
         ("fuse.methods=['imod', 'single']", ("imod", "single")),
         ("viewpoint.elevations_deg=[0, 45.5]", (0.0, 45.5)),
-        ("score.threshold_sequences=['a=b']", ("a=b",)),
+        ("metrics.threshold_sequences=['a=b']", ("a=b",)),
     ],
 )
 def test_settings_are_toml_and_bare_words_strings(setting, value):
@@ -221,3 +229,15 @@ def test_not_text(tmp_path):
     path = tmp_path / "a.toml"
     path.write_bytes(b"\xff\xfe\x00name")
     fault(lambda: load_pipeline(path), path, "cannot be read")
+
+
+@pytest.mark.parametrize(("old", "new"), MOVED.items())
+def test_a_setting_under_its_old_name_says_its_new_one(tmp_path: Path, old: str, new: str) -> None:
+    section, key = old.split(".")
+    with pytest.raises(ConfigError, match=f"^pipeline: {old} is now {new}"):
+        load_pipeline(None, [f"{old}=1"])
+    path = tmp_path / "own.toml"
+    path.write_text(f"[{section}]\n{key} = 1\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=f"own.toml: {old} is now {new}"):
+        load_pipeline(path)
+    assert new in {f"{s}.{k}" for s, model in Pipeline() for k in type(model).model_fields}

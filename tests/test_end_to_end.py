@@ -18,7 +18,7 @@ from imodbatch.schemas import TABLES
 
 REPOSITORY = Path(__file__).parents[1]
 SEQUENCES = ["walk_1", "walk_2"]
-STAGES = ["index", "poses", "detect", "lift", "fuse", "score"]
+STEPS = ["index", "poses", "pose_quality", "detect", "lift", "fuse", "score"]
 CLASSES = ["ball", "can", "carton", "bottle", "mug"]
 METHODS = ["single"] + [n + o for n in ("naive", "naive_log", "imod") for o in ("", "_offline")]
 IOUS = [50, 75]
@@ -49,8 +49,8 @@ def run(
     folder = tmp_path_factory.mktemp("run")
     manifest = folder / "small.toml"
     manifest.write_text(analytic_manifest(analytic_data, *SEQUENCES), encoding="utf-8")
-    settings = ["--set", "lift.max_depth_m=5.0", "--set", f"score.iou_percents={IOUS}"]
-    settings += ["--set", "score.jitter_m=[0.5]", "--set", "score.jitter_repeats=1"]
+    settings = ["--set", "lift.max_depth_m=5.0", "--set", f"matching.iou_percents={IOUS}"]
+    settings += ["--set", "jitter.shifts_m=[0.5]", "--set", "jitter.repeats=1"]
     result = cli("run", manifest, "--out", folder / "tables", *settings)
     assert result.exit_code == 0, result.output
     assert result.stderr == ""
@@ -58,8 +58,8 @@ def run(
 
 
 def test_every_stage_prints_one_line_per_sequence(run: Run) -> None:
-    expected = [f"{stage} {sequence}" for stage in STAGES for sequence in SEQUENCES]
-    expected += ["score all", "score all", "score all", "report"]
+    expected = [f"{step} {sequence}" for step in STEPS for sequence in SEQUENCES]
+    expected += ["score all", *["diagnose all"] * 3, "report"]
     assert [line.split(": ")[0] for line in run.lines] == expected
 
 
@@ -71,7 +71,7 @@ def test_every_line_adds_up(run: Run) -> None:
                 total, parts = clause.split(" = ")
                 assert leading_number(total) == sum(map(leading_number, parts.split(" + "))), line
                 n_sums += 1
-    assert n_sums == (len(STAGES) + 1) * len(SEQUENCES)  # index says two: frames and annotations
+    assert n_sums == len(STEPS) * len(SEQUENCES)  # index says two, pose_quality none
 
 
 def leading_number(text: str) -> int:

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from click.testing import Result
 
-SPAN = ("--set", "poses.rpe_delta_frames=2")
+SPAN = ("--set", "pose_quality.rpe_delta_frames=2")
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,12 @@ class Project:
         return self.cli("poses", *where, *SPAN, *more)
 
     def judged(self, *more: object) -> str:
-        """The line on the poses."""
+        """The line on how good the poses are."""
         result = self.call(*more)
         assert (result.exit_code, result.stderr) == (0, "")
-        return result.stdout.strip()
+        _, line = result.stdout.splitlines()
+        assert line.startswith("pose_quality walk_1: ")
+        return line
 
     def edit(self, old: str, new: str) -> None:
         path = self.folder / "manifest.toml"
@@ -121,6 +123,6 @@ def test_the_span_of_the_relative_error_is_a_setting(project: Project) -> None:
     project.judged()
     n = project.table("pose_quality").set_index("metric").n
     assert n["rpe_translation_rmse_m"] == 6
-    project.judged("--set", "poses.rpe_delta_frames=5")
+    project.judged("--set", "pose_quality.rpe_delta_frames=5")
     n = project.table("pose_quality").set_index("metric").n
     assert n["rpe_translation_rmse_m"] == 3

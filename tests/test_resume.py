@@ -22,11 +22,14 @@ QUICK = """
 [fuse]
 methods = ["single", "imod"]
 mode = "online"
-[score]
-voxel_sweep_m = [0.2]
+[sweep]
+voxel_sizes_m = [0.2]
 """
 BOTH = ("walk_1", "walk_2")
-STAGES = ("index", "poses", "detect", "lift", "fuse", "score")
+STAGES = ("index", "poses", "detect", "lift", "fuse", "score", "diagnose")
+STEPS_OF = {"poses": ("poses", "pose_quality")}
+ON_THE_RUN = {"score": 1, "diagnose": 3}
+"""Lines of a stage on the whole run; `diagnose` has no others."""
 UP_TO_DATE = " (up to date)"
 
 
@@ -84,9 +87,14 @@ class Project:
 
 
 def lines_of(*stages: str, sequences: tuple[str, ...] = BOTH) -> list[str]:
-    """The lines of whole stages, in order; `score` ends with three lines on the whole run."""
-    found = [f"{stage} {sequence}" for stage in stages for sequence in sequences]
-    return found + ["score all"] * 3 * ("score" in stages)
+    """The lines of whole stages, in order."""
+    found: list[str] = []
+    for stage in stages:
+        if stage != "diagnose":
+            steps = STEPS_OF.get(stage, (stage,))
+            found += [f"{step} {sequence}" for step in steps for sequence in sequences]
+        found += [f"{stage} all"] * ON_THE_RUN.get(stage, 0)
+    return found
 
 
 ALL_LINES = lines_of(*STAGES)
@@ -148,11 +156,11 @@ def test_a_second_run_touches_no_table(project: Project, finished: Project) -> N
 @pytest.mark.parametrize(
     ("setting", "stages"),
     [
-        ("poses.max_gap_ms=10.0", ("poses", "lift", "fuse", "score")),
-        ("detect.score_threshold=0.1", ("detect", "lift", "fuse", "score")),
-        ("lift.voxel_size_m=0.3", ("lift", "fuse", "score")),
-        ("fuse.cell_reduce=max", ("fuse", "score")),
-        ("score.iou_percents=[30]", ("score",)),
+        ("poses.max_gap_ms=10.0", ("poses", "lift", "fuse", "score", "diagnose")),
+        ("detect.score_threshold=0.1", ("detect", "lift", "fuse", "score", "diagnose")),
+        ("lift.voxel_size_m=0.3", ("lift", "fuse", "score", "diagnose")),
+        ("fuse.cell_reduce=max", ("fuse", "score", "diagnose")),
+        ("matching.iou_percents=[30]", ("score", "diagnose")),
         ("report.n_frames=1", ()),
         ("detect.batch_size=2", ()),
     ],
@@ -174,13 +182,50 @@ def test_a_setting_changes_what_it_should_and_back(project: Project, finished: P
     expected = {"observations", "fused", "objects", "matches", "metrics"}
     expected |= {"sweeps", "losses", "jitters"}  # the last is empty, but says what it was made of
     assert changed == expected
-    assert project.redone("run") == lines_of("lift", "fuse", "score")
+    assert project.redone("run") == lines_of("lift", "fuse", "score", "diagnose")
     assert project.bytes_by_file() == old
+
+
+@pytest.mark.parametrize(
+    ("setting", "tables"),
+    [
+        ("pose_quality.rpe_delta_frames=5", {"pose_quality", "reference_poses"}),
+        ("metrics.threshold_step=0.1", {"metrics"}),
+        ("sweep.voxel_sizes_m=[0.3]", {"sweeps"}),
+        ("jitter.repeats=2", {"jitters"}),
+    ],
+)
+def test_a_setting_that_judges_or_diagnoses_redoes_nothing_else(
+    project: Project, setting: str, tables: set[str]
+) -> None:
+    before = project.moments()
+    project.call("run", "--set", setting)
+    after = project.moments()
+    assert {file.split("/")[0] for file in after if after[file] != before[file]} == tables
+
+
+def test_true_poses_added_later_estimate_nothing_anew(fresh: Project) -> None:
+    manifest = fresh.folder / "manifest.toml"
+    whole = manifest.read_text(encoding="utf-8")
+    head, tail = whole.split("[reference]")
+    manifest.write_text(head + tail[tail.index("[annotations]") :], encoding="utf-8")
+    fresh.call("run")
+    manifest.write_text(whole, encoding="utf-8")
+    assert fresh.redone("run") == ["pose_quality walk_1", "pose_quality walk_2"]
+
+
+def test_diagnosing_may_be_left_out(fresh: Project) -> None:
+    off = ("--set", "diagnose.enabled=false")
+    kept = lines_of(*(stage for stage in STAGES if stage != "diagnose"))
+    assert fresh.redone("run", *off) == kept
+    assert fresh.states(*off) == {"up to date": set(kept)}
+    assert fresh.states() == {"up to date": set(kept), "missing": {"diagnose all"}}
+    assert fresh.redone("run") == lines_of("diagnose")
 
 
 def test_disturbing_poses_redoes_nothing_else(project: Project) -> None:
     before = project.moments()
-    assert project.redone("run", "--set", "score.jitter_m=[0.05]") == ["score all"]
+    assert project.redone("run", "--set", "jitter.shifts_m=[0.05]") == ["diagnose all"]
     after = project.moments()
     assert [file for file in after if after[file] != before[file]] == ["jitters/run.parquet"]
 
@@ -188,10 +233,10 @@ def test_disturbing_poses_redoes_nothing_else(project: Project) -> None:
 @pytest.mark.parametrize(
     ("file", "stages", "sequences"),
     [
-        ("walk_1/trajectory.txt", ("poses", "lift", "fuse", "score"), ("walk_1",)),
+        ("walk_1/trajectory.txt", ("poses", "lift", "fuse", "score", "diagnose"), ("walk_1",)),
         ("walk_2/depth/000003.png", STAGES, ("walk_2",)),
         ("walk_2/annotations.json", STAGES, ("walk_2",)),
-        ("detections.parquet", ("detect", "lift", "fuse", "score"), BOTH),
+        ("detections.parquet", ("detect", "lift", "fuse", "score", "diagnose"), BOTH),
     ],
 )
 def test_a_file_redoes_what_was_made_from_it(
@@ -226,7 +271,7 @@ def test_a_new_sequence_leaves_the_others_alone(fresh: Project, finished: Projec
         ("observations/walk_2", ["lift walk_2"]),
         ("objects/walk_1", ["fuse walk_1"]),
         ("matches/walk_2", ["score walk_2"]),
-        ("losses/run", ["score all"]),
+        ("losses/run", ["diagnose all"]),
     ],
 )
 def test_a_damaged_or_lost_table_is_redone(
@@ -281,18 +326,18 @@ def test_status_of_a_finished_run_is_up_to_date(project: Project) -> None:
 
 
 def test_status_tells_what_a_run_would_redo(project: Project) -> None:
-    late = set(lines_of("lift", "fuse", "score"))
+    late = set(lines_of("lift", "fuse", "score", "diagnose"))
     states = project.states("--set", "lift.voxel_size_m=0.3")
     assert states == {"up to date": set(ALL_LINES) - late, "stale": late}
 
 
 def test_status_behind_a_missing_table_is_stale(project: Project) -> None:
     (project.tables / "poses" / "walk_1.parquet").unlink()
-    stale = set(lines_of("lift", "fuse", "score", sequences=("walk_1",)))
+    stale = set(lines_of("lift", "fuse", "score", "diagnose", sequences=("walk_1",)))
     assert project.states() == {
         "missing": {"poses walk_1"},
-        "stale": stale,
-        "up to date": set(ALL_LINES) - stale - {"poses walk_1"},
+        "stale": stale | {"pose_quality walk_1"},
+        "up to date": set(ALL_LINES) - stale - {"poses walk_1", "pose_quality walk_1"},
     }
 
 
@@ -310,6 +355,7 @@ def test_status_behind_a_missing_table_is_stale(project: Project) -> None:
         ("score", ("index", "poses", "detect", "lift"), "fuse"),
         ("report", (), "index"),
         ("report", ("index", "poses", "detect", "lift", "fuse"), "score"),
+        ("report", ("index", "poses", "detect", "lift", "fuse", "score"), "diagnose"),
     ],
 )
 def test_a_stage_without_its_inputs_names_the_stage_to_run(
@@ -328,7 +374,7 @@ def test_a_stage_without_its_inputs_names_the_stage_to_run(
     [
         ("fuse", "lift.voxel_size_m=0.3", lines_of("lift")),
         ("fuse", "poses.max_gap_ms=10.0", lines_of("poses", "lift")),
-        ("report", "fuse.cell_reduce=max", lines_of("fuse", "score")),
+        ("report", "fuse.cell_reduce=max", lines_of("fuse", "score", "diagnose")),
         ("detect", "poses.max_gap_ms=10.0", []),
         ("lift", "fuse.cell_reduce=max", []),
     ],
@@ -430,7 +476,7 @@ def test_a_killed_run_is_taken_up_again(number: int, fresh: Project, finished: P
 
     label = "all" if STEPS[number].per_run else BOTH[-1]
     redone = fresh.redone("run")
-    assert redone[0] == f"{STEPS[number].stage} {label}"  # all before it stood
+    assert redone[0] == f"{STEPS[number].title} {label}"  # all before it stood
     assert redone == ALL_LINES[-len(redone) :]
     assert fresh.bytes_by_file() == finished.bytes_by_file()
     assert list(fresh.tables.rglob("*.partial")) == []

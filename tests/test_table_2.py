@@ -89,11 +89,15 @@ def detections_of(sequence: str, rng: np.random.Generator) -> list[dict[str, Any
     return rows
 
 
-def write(folder: Path, name: str, unit: str, rows: list[dict], provenance: dict) -> None:
+def write(
+    folder: Path, name: str, unit: str, rows: list[dict], provenance: dict, **attributes: object
+) -> None:
     spec = TABLES[name]
     table = from_rows(spec, rows) if rows else empty(spec)
     write_table(
-        table_path(folder, name, unit), table, TableInfo(name, spec.version, spec.key, provenance)
+        table_path(folder, name, unit),
+        table,
+        TableInfo(name, spec.version, spec.key, provenance, "", attributes),
     )
 
 
@@ -107,11 +111,13 @@ class Run:
     methods: tuple[str, ...] = METHODS
     sequences: tuple[str, ...] = SEQUENCES
     classes: tuple[str, ...] = CLASSES
+    threshold_step: float = 0.01
     rows: list[dict[str, Any]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         rng = np.random.default_rng(self.seed)
-        grid = {"viewpoint": {"n_azimuths": 12, "elevations_deg": [30.0, 45.0, 60.0]}}
+        n_elevations, n_azimuths = (3, 12) if self.has_viewpoints else (1, 1)
+        grid = {"n_elevations": n_elevations, "n_azimuths": n_azimuths}
         vector = [0.1] * (len(CLASSES) * (36 if self.has_viewpoints else 1))
         for s in self.sequences:
             found = detections_of(s, rng)
@@ -133,7 +139,7 @@ class Run:
                 | {"background_score": 0.1, "class_ids": [row["class_id"]], "view_scores": vector}
                 for row in found
             ]
-            write(self.folder, "detections", s, boxes, {"settings": grid})
+            write(self.folder, "detections", s, boxes, {}, **grid)
             matches = [
                 {name: row[name] for name in (*key, "class_id", "outcome")}
                 | {"method": m, "iou_percent": 50, "score": row["scores"][m]}
@@ -145,8 +151,9 @@ class Run:
         digests = {
             s: read_info(table_path(self.folder, "matches", s)).digest for s in self.sequences
         }
-        provenance = {"settings": {"@classes": self.classes}, "inputs": {"matches": digests}}
-        write(self.folder, "metrics", "run", [], provenance)
+        provenance = {"inputs": {"matches": digests}}
+        said = {"classes": self.classes, "threshold_step": self.threshold_step}
+        write(self.folder, "metrics", "run", [], provenance, **said)
 
 
 @pytest.fixture
@@ -557,7 +564,7 @@ def test_the_figures_tuned_on_the_test_set_are_those_of_the_metrics(
         "elevations_deg = [10.0, 30.0, 50.0]\n", ""
     )
     assert plain.count("sums.parquet") == 1
-    (tmp_path / "quick.toml").write_text("[score]\nvoxel_sweep_m = [0.2]\n[report]\nn_frames = 0\n")
+    (tmp_path / "quick.toml").write_text("[sweep]\nvoxel_sizes_m = [0.2]\n[report]\nn_frames = 0\n")
     for name, manifest in (("plain", plain), ("aware", text)):
         (tmp_path / f"{name}.toml").write_text(manifest)
         arguments = (tmp_path / f"{name}.toml", "--pipeline", tmp_path / "quick.toml")
@@ -585,3 +592,23 @@ def test_the_figures_tuned_on_the_test_set_are_those_of_the_metrics(
 def flat(text: str) -> str:
     """Text on one line, however it was wrapped."""
     return " ".join(text.split())
+
+
+def test_runs_of_different_threshold_steps_do_not_go_together(tmp_path: Path) -> None:
+    coarse = Run(tmp_path / "coarse", has_viewpoints=False, threshold_step=0.1).folder
+    fine = Run(tmp_path / "fine").folder
+    with pytest.raises(ConfigError, match=r"metrics.threshold_step: 0.1 and 0.01"):
+        table_2_of_folders([coarse, fine])
+
+
+def test_thresholds_are_sought_in_the_steps_of_the_runs(tmp_path: Path) -> None:
+    """Every threshold is 0 or a multiple of the step beyond the largest score."""
+    step = 0.25
+    runs = [
+        Run(tmp_path / name, has_viewpoints=views, threshold_step=step).folder
+        for name, views in (("none", False), ("aware", True))
+    ]
+    table = table_2_of_folders(runs).tables["table2_thresholds"].to_pandas()
+    steps = table.threshold.dropna() / step
+    assert len(steps) > 0
+    np.testing.assert_allclose(steps, steps.round(), atol=1e-6)

@@ -70,6 +70,12 @@ class Comparison:
         """One of them, for what all share: classes, sequences, annotations."""
         return next(iter(self.groups.values()))
 
+    @property
+    def runs(self) -> tuple[FinishedRun, ...]:
+        """All of them, that of a detector without viewpoints first."""
+        without = () if self.without_view is None else (self.without_view,)
+        return (*without, *self.groups.values())
+
     @cached_property
     def n_annotations(self) -> NDArray[np.int64]:
         """(K, S) annotations that count, per class and sequence."""
@@ -161,7 +167,7 @@ def _require_same_truth(first: FinishedRun, other: FinishedRun) -> None:
             ("classes", first.classes == other.classes),
             ("sequences", first.sequence_ids == other.sequence_ids),
             ("annotations", _truth_of(first) == _truth_of(other)),
-            ("score.iou_percents", first.results.main_iou == other.results.main_iou),
+            ("matching.iou_percents", first.results.main_iou == other.results.main_iou),
         )
         if not is_equal
     ]

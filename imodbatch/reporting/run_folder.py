@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 
@@ -38,12 +37,14 @@ class FinishedRun:
         folder: where its tables lie.
         classes: names by class id.
         grid: of the detector, not of the geometry.
+        threshold_step: between the scores among which a threshold is sought.
         results: its annotations, matches and metrics, with the sequences they hold.
     """
 
     folder: Path
     classes: tuple[str, ...]
     grid: DetectorGrid
+    threshold_step: float
     results: Results
 
     @property
@@ -75,7 +76,7 @@ def open_run(folder: Path) -> FinishedRun:
     if not folder.is_dir():
         raise TableError(f"{folder}: no such run folder. Make it with `imodbatch run`.")
     metrics = _info(folder, "metrics")
-    matched: dict[str, str] = metrics.provenance["inputs"]["matches"]
+    matched = metrics.inputs["matches"]
     for sequence_id, identity in matched.items():
         if _info(folder, "matches", sequence_id).digest != identity:
             raise TableError(
@@ -87,22 +88,30 @@ def open_run(folder: Path) -> FinishedRun:
         for name in ("annotations", "matches")
     }
     tables["metrics"] = _read(folder, "metrics")
-    classes = tuple(metrics.provenance["settings"]["@classes"])
-    grid = _grid(folder, sequence_ids, len(classes))
-    return FinishedRun(folder, classes, grid, Results(tables, sequence_ids))
+    if not tables["matches"].num_rows:
+        raise TableError(
+            f"{folder}: there are no detections to compare. Lower detect.score_threshold."
+        )
+    said = metrics.attributes
+    try:
+        return FinishedRun(
+            folder,
+            tuple(said["classes"]),
+            _grid(folder, sequence_ids),
+            said["threshold_step"],
+            Results(tables, sequence_ids),
+        )
+    except KeyError as error:
+        raise TableError(
+            f"{folder}: its tables do not say {error}: an older version made them. {CURE}"
+        ) from None
 
 
-def _grid(folder: Path, sequence_ids: tuple[str, ...], n_classes: int) -> DetectorGrid:
-    """The pipeline's grid where the score vectors fill it, else 1 × 1."""
-    settings: dict[str, Any] = _info(folder, "detections", sequence_ids[0]).provenance["settings"]
-    viewpoint = settings["viewpoint"]
-    grid = DetectorGrid(len(viewpoint["elevations_deg"]), viewpoint["n_azimuths"])
-    for sequence_id in sequence_ids:
-        vectors = _read(folder, "detections", sequence_id)["view_scores"]
-        if len(vectors):
-            n_scores = len(vectors[0]) // n_classes
-            return grid if n_scores > 1 else DetectorGrid(1, 1)
-    raise TableError(f"{folder}: there are no detections to compare. Lower detect.score_threshold.")
+def _grid(folder: Path, sequence_ids: tuple[str, ...]) -> DetectorGrid:
+    """The largest of the sequences': one without any frame looked at says 1 × 1."""
+    said = [_info(folder, "detections", sequence_id).attributes for sequence_id in sequence_ids]
+    grids = [DetectorGrid(a["n_elevations"], a["n_azimuths"]) for a in said]
+    return max(grids, key=lambda grid: grid.n_elevations * grid.n_azimuths)
 
 
 def _info(folder: Path, table: str, *sequence_id: str) -> TableInfo:

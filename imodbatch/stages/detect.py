@@ -21,6 +21,9 @@ from imodbatch.schemas import DETECTIONS
 from imodbatch.stages.base import Progress, StageResult, column, tally
 from imodbatch.tables import from_columns
 
+Grid = tuple[int, int]
+"""Elevations and azimuths."""
+
 
 class Boxes(Protocol):
     """What a detector says of one image."""
@@ -45,6 +48,7 @@ def run_detector(
     read_color: Callable[[str], NDArray[np.uint8]],
     detector: Callable[[list[NDArray[np.uint8]]], Sequence[Boxes]],
     n_classes: int,
+    grid: Grid,
     config: DetectConfig,
     progress: Progress[Any] = iter,
 ) -> StageResult:
@@ -55,6 +59,7 @@ def run_detector(
         read_color: colour path → (H, W, 3) RGB.
         detector: list of images → boxes per image.
         n_classes: K.
+        grid: M elevations and N azimuths, for a detector that tells viewpoints apart.
         config: threshold, NMS, batch size.
         progress: wraps the loop over batches.
 
@@ -84,15 +89,19 @@ def run_detector(
                 boxes = np.asarray(result.boxes, dtype=np.float64)
                 yield FrameBoxes(number, boxes, result.scores, result.background)
 
-    result = _keep(frames["sequence_id"][0].as_py(), found(), n_classes, config, {})
+    result = _keep(frames["sequence_id"][0].as_py(), found(), n_classes, grid, config, {})
     if not warnings:
         return result
     summary = f"{result.summary}; {len(warnings)} frames skipped (unreadable)"
-    return StageResult(result.tables, summary, warnings)
+    return StageResult(result.tables, summary, warnings, result.attributes)
 
 
 def run_imported(
-    sequence_id: str, imported: ImportedDetections, n_classes: int, config: DetectConfig
+    sequence_id: str,
+    imported: ImportedDetections,
+    n_classes: int,
+    grid: Grid,
+    config: DetectConfig,
 ) -> StageResult:
     """Take over another detector's boxes."""
     order = np.argsort(imported.frame_index, kind="stable")
@@ -108,21 +117,23 @@ def run_imported(
         for number, rows in zip(numbers, groups, strict=True)
     )
     left_out = {f"left out ({why})": n for why, n in imported.left_out.items()}
-    return _keep(sequence_id, found, n_classes, config, left_out)
+    return _keep(sequence_id, found, n_classes, grid, config, left_out)
 
 
 def _keep(
     sequence_id: str,
     found: Iterable[FrameBoxes],
     n_classes: int,
+    grid: Grid,
     config: DetectConfig,
     left_out: dict[str, int],
 ) -> StageResult:
     """Threshold, NMS per class, the best `max_per_frame` boxes; count what each step drops."""
     columns: dict[str, list[Any]] = {name: [] for name in DETECTIONS.schema.names}
-    n_found, n_low, n_suppressed, n_surplus = 0, 0, 0, 0
+    n_found, n_low, n_suppressed, n_surplus, n_views = 0, 0, 0, 0, 1
     for frame in found:
-        shape = (len(frame.boxes), n_classes, frame.view_scores.shape[1] // n_classes)
+        n_views = frame.view_scores.shape[1] // n_classes
+        shape = (len(frame.boxes), n_classes, n_views)
         scores = frame.view_scores.reshape(shape).sum(axis=-1, dtype=np.float32)
         survives = nms_per_category(frame.boxes, scores, config.score_threshold, config.nms_iou)
         kept = np.flatnonzero(survives.any(axis=1))
@@ -151,4 +162,10 @@ def _keep(
         **left_out,
     }
     summary = tally(n_found + sum(left_out.values()), "boxes", counts)
-    return StageResult({"detections": table}, summary)
+    return StageResult({"detections": table}, summary, attributes=_told_apart(grid, n_views))
+
+
+def _told_apart(grid: Grid, n_views: int) -> dict[str, int]:
+    """How many elevations and azimuths the score vectors hold: one of each without viewpoints."""
+    n_elevations, n_azimuths = grid if n_views > 1 else (1, 1)
+    return {"n_elevations": n_elevations, "n_azimuths": n_azimuths}

@@ -1,4 +1,4 @@
-"""jitter: how fast AP falls when the poses get worse; a part of score that is off by default.
+"""jitter: how fast AP falls when the poses get worse; a part of diagnose that is off by default.
 
 Each frame's camera is shifted and turned as `core.disturbance` says; the boxes it placed go along,
 fall in other voxels and bins, are fused again by the run's own rules and scored. Shifts and turns
@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from imodbatch.config import ScoreConfig
+from imodbatch.config import JitterConfig
 from imodbatch.core.disturbance import KINDS, Kind, carried_along, unit_noise
 from imodbatch.core.placing import place
 from imodbatch.schemas import JITTERS
@@ -51,10 +51,10 @@ class Level:
 UNDISTURBED = Level(0, 0)
 
 
-def levels(config: ScoreConfig) -> tuple[Level, ...]:
+def levels(config: JitterConfig) -> tuple[Level, ...]:
     """None at all, shifts, turns, and pairs of equal rank; empty if nothing is asked."""
-    shifts = [Level(round(1000 * shift_m), 0) for shift_m in config.jitter_m]
-    turns = [Level(0, round(1000 * turn_deg)) for turn_deg in config.jitter_deg]
+    shifts = [Level(round(1000 * shift_m), 0) for shift_m in config.shifts_m]
+    turns = [Level(0, round(1000 * turn_deg)) for turn_deg in config.turns_deg]
     pairs = [
         Level(shift.translation_mm, turn.rotation_mdeg)
         for shift, turn in zip(shifts, turns, strict=False)
@@ -71,7 +71,7 @@ def run(evidence: Evidence, poses: pa.Table, progress: Progress[Any] = iter) -> 
         poses: poses table of all its sequences.
         progress: wraps the loop over trials.
     """
-    config = evidence.pipeline.score
+    config = evidence.pipeline.jitter
     if not levels(config):
         return StageResult({"jitters": empty(JITTERS)}, "no disturbance of poses asked")
     disturbed = Disturbed(evidence, camera_centers(evidence.frames, poses))
@@ -85,11 +85,11 @@ def run(evidence: Evidence, poses: pa.Table, progress: Progress[Any] = iter) -> 
     return StageResult({"jitters": from_rows(JITTERS, rows)}, summary)
 
 
-def _trials(config: ScoreConfig) -> Iterator[tuple[Kind, Level, int]]:
+def _trials(config: JitterConfig) -> Iterator[tuple[Kind, Level, int]]:
     """Kind, level and repeat; without disturbance all repeats would be the same."""
     for kind in KINDS:
         for level in levels(config):
-            n_repeats = 1 if level == UNDISTURBED else config.jitter_repeats
+            n_repeats = 1 if level == UNDISTURBED else config.repeats
             for repeat in range(n_repeats):
                 yield kind, level, repeat
 

@@ -1,4 +1,4 @@
-"""limits: how much the voxel size matters, and what holds fusion back; the second part of score.
+"""limits: how much the voxel size matters, and what holds fusion back; part of diagnose.
 
 Both fuse again in memory, from the places that `lift` found, and write what they see. Nothing here
 feeds back into a result.
@@ -27,7 +27,7 @@ CEILING_METHODS = ("imod", "imod_offline")
 def sweep(evidence: Evidence, progress: Progress[float] = iter) -> StageResult:
     """Mean AP of every method at every voxel size asked."""
     rows: list[dict[str, Any]] = []
-    for size_m in progress(evidence.pipeline.score.voxel_sweep_m):
+    for size_m in progress(evidence.pipeline.sweep.voxel_sizes_m):
         meeting = replace(evidence.own_meeting, voxel=evidence.voxel_numbers(size_m))
         rows += [
             {
@@ -39,7 +39,7 @@ def sweep(evidence: Evidence, progress: Progress[float] = iter) -> StageResult:
             for method, value in evidence.mean_average_precisions(meeting).items()
         ]
     table = from_rows(SWEEPS, rows) if rows else empty(SWEEPS)
-    sizes = len(evidence.pipeline.score.voxel_sweep_m)
+    sizes = len(evidence.pipeline.sweep.voxel_sizes_m)
     return StageResult({"sweeps": table}, f"{table.num_rows} APs at {sizes} voxel sizes")
 
 
@@ -71,7 +71,7 @@ def _box_losses(evidence: Evidence, k: int) -> dict[str, tuple[float, int]]:
     truth = evidence.truth
     counted = (truth.class_id == k) & ~truth.is_ignored
     iou = evidence.overlaps.annotation_iou[counted]
-    right = evidence.pipeline.score.iou_percents[0] / 100
+    right = evidence.pipeline.matching.iou_percents[0] / 100
     return {
         "no_box": _share(iou < LOOSE_IOU),
         "loose_box": _share((iou >= LOOSE_IOU) & (iou < right)),
@@ -103,7 +103,7 @@ def _place_losses(evidence: Evidence, poses: pa.Table, k: int) -> dict[str, tupl
 
 def _sightings_of_instances(evidence: Evidence, k: int) -> dict[int, str]:
     """Box → instance, for the boxes of class k that overlap an annotation enough."""
-    right = evidence.pipeline.score.iou_percents[0] / 100
+    right = evidence.pipeline.matching.iou_percents[0] / 100
     found = evidence.overlaps
     box, class_id = evidence.survivors
     rows = np.flatnonzero((class_id == k) & (found.candidate_iou >= right))
@@ -132,7 +132,7 @@ def _ceilings(evidence: Evidence) -> list[dict[str, Any]]:
     """AP of imod with looser boxes, one voxel per instance, a perfect ranking."""
     if not len(evidence.truth.image):
         return []
-    iou_percent = evidence.pipeline.score.iou_percents[0]
+    iou_percent = evidence.pipeline.matching.iou_percents[0]
     by_method = evidence.candidate_scores(evidence.own_voxels)
     chosen = next((name for name in CEILING_METHODS if name in by_method), None)
     if chosen is None:

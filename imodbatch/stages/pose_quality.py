@@ -6,14 +6,14 @@ the relative error of the trajectory, and how far +z is from up. Nothing here ch
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from imodbatch.config import PosesConfig
+from imodbatch.config import PoseQualityConfig
 from imodbatch.core.alignment import (
     Similarity,
     absolute_errors_m,
@@ -25,7 +25,7 @@ from imodbatch.core.alignment import (
 from imodbatch.core.consistency import DepthConsistency, depth_consistency
 from imodbatch.core.frames import invert
 from imodbatch.core.pairs import Pairs, neighbours, overlapping, revisits, steps_m
-from imodbatch.core.trajectory import STATUSES, FramePoses, Trajectory
+from imodbatch.core.trajectory import STATUSES, FramePoses
 from imodbatch.engines.rgbd import RgbdFrames
 from imodbatch.schemas import POSE_QUALITY, REFERENCE_POSES
 from imodbatch.stages.base import StageResult, column, pose_columns, world_from_cam_of
@@ -42,10 +42,17 @@ WORST_DEPTH_SHARE, WORST_REPROJECTION_SHARE = 0.5, 0.02
 
 @dataclass(frozen=True)
 class Reference:
-    """True poses of the frames, in a world of their own, and its up direction (None = unknown)."""
+    """True poses of the frames, in a world of their own.
+
+    Attributes:
+        poses: of the frames.
+        up: of their world; None = unknown.
+        is_judged: whether they are the very poses that are judged.
+    """
 
     poses: FramePoses
     up: tuple[float, float, float] | None = None
+    is_judged: bool = False
 
 
 @dataclass(frozen=True)
@@ -64,18 +71,18 @@ class ImageChecks:
 def run(
     frames: pa.Table,
     poses: pa.Table,
-    trajectory: Trajectory,
+    source_figures: Mapping[str, float],
     reference: Reference | None,
     images: RgbdFrames,
     checks: ImageChecks,
-    config: PosesConfig,
+    config: PoseQualityConfig,
 ) -> StageResult:
     """Judge the poses of one sequence.
 
     Args:
         frames: the frames table of the sequence.
         poses: its poses, in a world with +z up.
-        trajectory: where they come from, as its source gave it.
+        source_figures: what their source says of itself, by name.
         reference: true poses of the same frames; None = there are none. Where they are the very
             poses that are judged, no error against them is given: it would be 0 and mislead.
         images: the same frames' images.
@@ -86,7 +93,7 @@ def run(
     figures = [*_counts(poses), *_walk(frames, world_from_cam)]
     figures += _by_images(images, world_from_cam, checks)
     aligned, remark = empty(REFERENCE_POSES), ""
-    if reference is not None and _is_judged_by_itself(trajectory, reference):
+    if reference is not None and reference.is_judged:
         remark = "no ATE: the poses are the reference itself"
     elif reference is not None:
         alignment = align_poses(world_from_cam, reference.poses.world_from_cam)
@@ -95,7 +102,7 @@ def run(
         shared = known(world_from_cam) & known(reference.poses.world_from_cam)
         remark = "" if shared.sum() >= FEWEST_TO_ALIGN else "no ATE: too few poses are in both"
     n_known = int(known(world_from_cam).sum())
-    figures += [(name, float(value), n_known) for name, value in trajectory.figures.items()]
+    figures += [(name, float(value), n_known) for name, value in source_figures.items()]
     return StageResult(
         {"pose_quality": _table(frames, figures), "reference_poses": aligned},
         "; ".join(part for part in (_in_short(figures), remark) if part),
@@ -153,12 +160,6 @@ def _depth_pairs(
         if depth_a_m is not None and depth_b_m is not None:
             b_from_a = invert(world_from_cam[b]) @ world_from_cam[a]
             yield depth_consistency(depth_a_m, depth_b_m, images.camera, b_from_a)
-
-
-def _is_judged_by_itself(trajectory: Trajectory, reference: Reference) -> bool:
-    judged, true = trajectory.poses.world_from_cam, reference.poses.world_from_cam
-    both = known(judged) & known(true)
-    return bool(both.any() and np.array_equal(judged[both], true[both]))
 
 
 def _against(reference: Reference, world_from_cam: Array, delta: int) -> Iterator[Figure]:

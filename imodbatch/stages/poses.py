@@ -45,7 +45,7 @@ def run(frames: pa.Table, trajectory: Trajectory, up: ArrayLike, how: str) -> St
         {"poses": table},
         "; ".join(part for part in parts if part),
         list(trajectory.warnings),
-        {"up": direction, "levelling": how},
+        {"up": direction, "levelling": how, "figures": dict(trajectory.figures)},
     )
 
 

@@ -167,14 +167,14 @@ class Evidence:
 
     def average_precisions(self, scores: Array, iou_percent: int) -> Array:
         """11-point AP per class (K,)."""
-        rule = self.pipeline.score.matching
+        rule = self.pipeline.matching.rule
         found = match_all(self.candidates, scores, self.truth, iou_percent / 100, rule)
         counted = self.truth.counted(self.n_classes)
         return average_precisions(self.candidates, scores, found.outcome, counted, ap_voc07_11pt)
 
     def mean_average_precisions(self, meeting: Meeting) -> dict[str, float | None]:
         """Method → 11-point AP at the first IoU, mean over classes, when boxes meet as given."""
-        iou_percent = self.pipeline.score.iou_percents[0]
+        iou_percent = self.pipeline.matching.iou_percents[0]
         means = {
             name: mean_over_classes(self.average_precisions(scores, iou_percent))
             for name, scores in self.scores_of(meeting).items()

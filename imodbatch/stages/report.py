@@ -196,13 +196,13 @@ def _ap_remark(results: Results, info: RunInfo, paper: tuple[PaperColumn, ...]) 
 
 
 def _threshold_remark(results: Results, info: RunInfo, paper: tuple[PaperColumn, ...]) -> str:
-    step = info.setting("score", "threshold_step")
+    step = info.setting("metrics", "threshold_step")
     where = {
         True: "on the very sequences evaluated here, which flatters every method",
         False: "on other sequences than those evaluated",
         None: "on sequences that the metrics do not name",
     }[results.is_tuned_on_test()]
-    names = info.setting("score", "threshold_sequences")
+    names = info.setting("metrics", "threshold_sequences")
     named = f" ({', '.join(names)})" if names and not results.is_tuned_on_test() else ""
     steps = f", in steps of {step}," if step else ""
     means = (

@@ -14,13 +14,20 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from imodbatch.config import ScoreConfig
+from imodbatch.config import MatchingConfig, MetricsConfig
 from imodbatch.core.matching import OUTCOME_NAMES
 from imodbatch.core.precision import ap_area, ap_voc07_11pt
 from imodbatch.core.scoring import Candidates, Truth, match_all, mean_over_classes, ranked_hits
 from imodbatch.core.tuning import tune_threshold
 from imodbatch.errors import ConfigError
-from imodbatch.schemas import BACKGROUND_CLASS_ID, MATCHES, MEAN_CLASS_ID, METRICS, SEVERAL_IOUS
+from imodbatch.schemas import (
+    BACKGROUND_CLASS_ID,
+    FUSED,
+    MATCHES,
+    MEAN_CLASS_ID,
+    METRICS,
+    SEVERAL_IOUS,
+)
 from imodbatch.stages.background import background_per_pixel
 from imodbatch.stages.base import (
     StageResult,
@@ -38,7 +45,7 @@ AP_BY_NAME = {"ap_voc07_11pt": ap_voc07_11pt, "ap_area": ap_area}
 
 
 def match(
-    fused: pa.Table, detections: pa.Table, annotations: pa.Table, config: ScoreConfig
+    fused: pa.Table, detections: pa.Table, annotations: pa.Table, config: MatchingConfig
 ) -> StageResult:
     """Match the boxes of one sequence under every method and IoU."""
     truth = truth_of(annotations, column(annotations, "frame_index"))
@@ -49,12 +56,12 @@ def match(
         candidates = _candidates(rows, detections)
         scores = column(rows, "score").astype(np.float64)
         for iou_percent in config.iou_percents:
-            found = match_all(candidates, scores, truth, iou_percent / 100, config.matching)
+            found = match_all(candidates, scores, truth, iou_percent / 100, config.rule)
             outcome = np.array(OUTCOME_NAMES)[found.outcome]
             hit = found.annotation_index >= 0
             index = np.zeros(len(hit), dtype=np.int64)
             index[hit] = own_index[found.annotation_index[hit]]
-            columns: dict[str, Any] = {key: rows[key] for key in fused.column_names[:5]}
+            columns: dict[str, Any] = {key: rows[key] for key in FUSED.key}
             columns |= {
                 "iou_percent": [iou_percent] * len(hit),
                 "score": rows["score"],
@@ -105,7 +112,8 @@ def summarise(
     matches: pa.Table,
     classes: Sequence[str],
     coco_ap: CocoAp,
-    config: ScoreConfig,
+    matching: MatchingConfig,
+    config: MetricsConfig,
 ) -> StageResult:
     """Every metric of a run, from the rows of `matches`.
 
@@ -116,6 +124,7 @@ def summarise(
         matches: the outcome of each box, class, method and IoU.
         classes: names by class id.
         coco_ap: AP@[.5:.95] per class from candidates, scores and truth.
+        matching: how `matches` came about; its first IoU is the one of AP over several.
         config: metrics, and how thresholds are tuned.
 
     Raises:
@@ -127,21 +136,22 @@ def summarise(
     n_classes = len(classes)
     for method in sorted(pc.unique(matches["method"]).to_pylist()):
         of_method = matches.filter(pc.equal(matches["method"], method))
-        for iou_percent in config.iou_percents:
+        for iou_percent in matching.iou_percents:
             found = of_method.filter(pc.equal(of_method["iou_percent"], iou_percent))
             builder = _MetricRows(method, iou_percent, classes)
             everything = _hits(found, annotations, n_classes)
             builder.add_ap(everything, config)
             builder.add_operating_points(found, annotations, frames, detections, is_tuning, config)
             rows += builder.rows
-        if "ap_coco" in config.metrics:
-            first = of_method.filter(pc.equal(of_method["iou_percent"], config.iou_percents[0]))
+        if "ap_coco" in config.names:
+            first = of_method.filter(pc.equal(of_method["iou_percent"], matching.iou_percents[0]))
             rows += _coco_rows(method, first, frames, annotations, detections, classes, coco_ap)
     table = from_rows(METRICS, rows) if rows else empty(METRICS)
     n_counted = annotations.num_rows - (pc.sum(annotations["is_ignored"]).as_py() or 0)
     summary = f"{table.num_rows:,} metrics from {matches.num_rows:,} matches, "
     summary += f"{n_counted:,} annotations that count"
-    return StageResult({"metrics": table}, summary, _no_truth_warning(n_counted))
+    attributes = {"classes": list(classes), "threshold_step": config.threshold_step}
+    return StageResult({"metrics": table}, summary, _no_truth_warning(n_counted), attributes)
 
 
 def _no_truth_warning(n_counted: int) -> list[str]:
@@ -156,7 +166,7 @@ def _in_rank_order(matches: pa.Table) -> pa.Table:
     return matches.sort_by([("score", "descending"), *keys])
 
 
-def _tuning_rows(frames: pa.Table, config: ScoreConfig) -> set[str] | None:
+def _tuning_rows(frames: pa.Table, config: MetricsConfig) -> set[str] | None:
     """Sequences on which thresholds are tuned; None = on those that are evaluated."""
     if not config.threshold_sequences:
         return None
@@ -164,7 +174,7 @@ def _tuning_rows(frames: pa.Table, config: ScoreConfig) -> set[str] | None:
     tuning = set(config.threshold_sequences)
     if not tuning <= known or tuning == known:
         raise ConfigError(
-            f"score.threshold_sequences {sorted(tuning)}: expected some, not all, of the run's "
+            f"metrics.threshold_sequences {sorted(tuning)}: expected some, not all, of the run's "
             f"sequences {sorted(known)}."
         )
     return tuning
@@ -226,10 +236,10 @@ class _MetricRows:
         totals = sum(h.n_annotations for h in hits), sum(len(h.hits) for h in hits)
         self.add(metric, MEAN_CLASS_ID, mean, *totals)
 
-    def add_ap(self, hits: list[ClassHits], config: ScoreConfig) -> None:
+    def add_ap(self, hits: list[ClassHits], config: MetricsConfig) -> None:
         """AP of each class that has annotations."""
         for metric, average_precision in AP_BY_NAME.items():
-            if metric not in config.metrics:
+            if metric not in config.names:
                 continue
             values = [average_precision(h.hits, h.n_annotations) for h in hits]
             self.add_per_class(metric, [np.nan if v is None else v for v in values], hits)
@@ -244,7 +254,7 @@ class _MetricRows:
         frames: pa.Table,
         detections: pa.Table,
         tuning: set[str] | None,
-        config: ScoreConfig,
+        config: MetricsConfig,
     ) -> None:
         """Precision and recall at the threshold of largest F1, and of the background per pixel."""
         n_classes = len(self.classes)

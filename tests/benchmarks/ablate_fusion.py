@@ -51,7 +51,7 @@ def main(folder: Path, pipeline: Pipeline) -> None:
         "score per cell filled": aps(evidence, per_cell(evidence)),
         "own score × score per cell": aps(evidence, blended(evidence)),
     }
-    iou = evidence.pipeline.score.iou_percents[0]
+    iou = evidence.pipeline.matching.iou_percents[0]
     perfect = best_boxes(evidence.overlaps, iou / 100).astype(np.float64)
     ceiling = evidence.average_precisions(perfect, iou)
     symmetric = symmetric_classes(tables["annotations"], len(run.classes))
@@ -74,7 +74,7 @@ def with_takers(pipeline: Pipeline, takers: str) -> Pipeline:
 
 
 def aps(evidence: Evidence, scores: dict[str, Array]) -> dict[str, Array]:
-    iou = evidence.pipeline.score.iou_percents[0]
+    iou = evidence.pipeline.matching.iou_percents[0]
     return {name: evidence.average_precisions(scores[name], iou) for name in METHODS}
 
 

@@ -16,6 +16,7 @@ from imodbatch.tables import from_rows
 
 CAMERA = {"width_px": 64, "height_px": 48, "fx_px": 50, "fy_px": 50, "cx_px": 32, "cy_px": 24}
 LEFT, RIGHT, LEFT_TOO = (2, 2, 22, 22), (40, 2, 60, 22), (3, 2, 23, 22)
+GRID = (3, 16)
 
 
 @dataclass
@@ -70,7 +71,9 @@ def run(per_frame, n_classes=2, read=read_color, **config):
         return [per_frame[image[0, 0, 0]] for image in images]
 
     config = DetectConfig(**{"score_threshold": 0.1, "nms_iou": 0.5, **config})
-    return detect.run_detector(frames_table(len(per_frame)), read, detector, n_classes, config)
+    return detect.run_detector(
+        frames_table(len(per_frame)), read, detector, n_classes, GRID, config
+    )
 
 
 def rows(result):
@@ -200,7 +203,7 @@ def test_batches_change_nothing_but_their_size(batch_size):
         return [per_frame[image[0, 0, 0]] for image in images]
 
     config = DetectConfig(batch_size=batch_size)
-    result = detect.run_detector(frames_table(5), read_color, detector, 2, config)
+    result = detect.run_detector(frames_table(5), read_color, detector, 2, GRID, config)
     assert [row["frame_index"] for row in rows(result)] == [0, 10, 20, 30, 40]
     scores = [row["view_scores"][0] for row in rows(result)]
     assert scores == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
@@ -245,7 +248,7 @@ def test_other_faults_of_reading_are_not_skipped():
 def test_a_detector_that_forgets_an_image_is_noticed():
     with pytest.raises(ValueError, match="shorter"):
         detect.run_detector(
-            frames_table(2), read_color, lambda _images: [nothing()], 2, DetectConfig()
+            frames_table(2), read_color, lambda _images: [nothing()], 2, GRID, DetectConfig()
         )
 
 
@@ -264,7 +267,7 @@ def test_imported_boxes_follow_the_same_rule_and_count_what_was_left_out():
     boxes = [LEFT, LEFT, RIGHT, LEFT_TOO]
     given = imported([7, 3, 7, 7], boxes, [[0.6, 0], [0.5, 0], [0.01, 0], [0.5, 0]], other=4)
     config = DetectConfig(score_threshold=0.1, nms_iou=0.5)
-    result = detect.run_imported("s", given, 2, config)
+    result = detect.run_imported("s", given, 2, GRID, config)
     assert [(row["frame_index"], row["x0_px"]) for row in rows(result)] == [(3, 2), (7, 2)]
     assert parts(result) == (
         8,
@@ -277,6 +280,6 @@ def test_no_imported_boxes_at_all():
     numbers = np.zeros(0, dtype=np.int64)
     left_out = Counter({"other": 2})
     given = ImportedDetections(numbers, none.boxes, none.scores, none.background, left_out)
-    result = detect.run_imported("s", given, 2, DetectConfig())
+    result = detect.run_imported("s", given, 2, GRID, DetectConfig())
     assert result.tables["detections"].num_rows == 0
     assert result.summary == "2 boxes = 2 left out (other)"

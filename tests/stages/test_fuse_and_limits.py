@@ -19,7 +19,7 @@ from scene_tables import (
     poses_table,
 )
 
-from imodbatch.config import FuseConfig, Pipeline
+from imodbatch.config import FuseConfig, Pipeline, SweepConfig
 from imodbatch.errors import DataError
 from imodbatch.schemas import DETECTIONS, OBSERVATIONS
 from imodbatch.simulation.analytic.catalogue import CLASSES
@@ -112,7 +112,7 @@ def replace_viewpoint(**changes):
 
 
 def test_the_sweep_says_what_fusing_in_those_voxels_gives(observations):
-    result = limits.sweep(evidence(observations, voxel_sweep_m=(0.1, 0.4)))
+    result = limits.sweep(evidence(observations, sweep=SweepConfig(voxel_sizes_m=(0.1, 0.4))))
     rows = result.tables["sweeps"].to_pandas().set_index(["method", "voxel_mm"])
     assert set(rows.index.get_level_values("voxel_mm")) == {100, 400}
     assert (rows.value == 1.0).all()  # ideal boxes and scores: nothing can outrank a right box

@@ -19,7 +19,7 @@ from scene_tables import (
     poses_table,
 )
 
-from imodbatch.config import LiftConfig, ScoreConfig
+from imodbatch.config import JitterConfig, LiftConfig
 from imodbatch.core.placing import place
 from imodbatch.schemas import DETECTIONS, OBSERVATIONS, TABLES
 from imodbatch.stages import jitter
@@ -54,7 +54,7 @@ def with_sure_false_boxes(**score):
         | {"azimuth_bin": places.azimuth_bin, "elevation_bin": places.elevation_bin},
     )
     return replace(
-        evidence(pa.concat_tables([seen, elsewhere]), **score),
+        evidence(pa.concat_tables([seen, elsewhere]), jitter=JitterConfig(**score)),
         detections=from_rows(DETECTIONS, true + false),
     )
 
@@ -70,20 +70,20 @@ def test_nothing_asked_gives_an_empty_table():
 
 
 def test_levels_are_swept_alone_and_in_pairs_of_equal_rank():
-    config = ScoreConfig(jitter_m=(0.01, 0.05, 0.1), jitter_deg=(1, 2.5))
+    config = JitterConfig(shifts_m=(0.01, 0.05, 0.1), turns_deg=(1, 2.5))
     shifts = [Level(10, 0), Level(50, 0), Level(100, 0)]
     turns = [Level(0, 1000), Level(0, 2500)]
     pairs = [Level(10, 1000), Level(50, 2500)]
     assert levels(config) == (Level(0, 0), *shifts, *turns, *pairs)
-    assert levels(ScoreConfig(jitter_deg=(2,))) == (Level(0, 0), Level(0, 2000))
-    assert levels(ScoreConfig(jitter_m=(0.01, 0.01))) == (Level(0, 0), Level(10, 0))
-    assert levels(ScoreConfig()) == ()
+    assert levels(JitterConfig(turns_deg=(2,))) == (Level(0, 0), Level(0, 2000))
+    assert levels(JitterConfig(shifts_m=(0.01, 0.01))) == (Level(0, 0), Level(10, 0))
+    assert levels(JitterConfig()) == ()
     assert Level(50, 2500).shift_m == 0.05
     assert Level(50, 2500).turn_rad == pytest.approx(np.radians(2.5))
 
 
 def test_without_disturbance_boxes_meet_where_they_met():
-    used = with_sure_false_boxes(jitter_m=(0.05,))
+    used = with_sure_false_boxes(shifts_m=(0.05,))
     rows = swept(used).to_pandas()
     undisturbed = rows[rows.translation_mm == 0]
     own = used.mean_average_precisions(used.own_meeting)
@@ -93,7 +93,7 @@ def test_without_disturbance_boxes_meet_where_they_met():
     assert undisturbed.spread.isna().all()
 
 
-@pytest.mark.parametrize("level", [{"jitter_m": (5.0,)}, {"jitter_deg": (60.0,)}])
+@pytest.mark.parametrize("level", [{"shifts_m": (5.0,)}, {"turns_deg": (60.0,)}])
 def test_a_large_disturbance_lowers_fusion_and_leaves_single_view(level):
     rows = swept(with_sure_false_boxes(**level)).to_pandas().set_index(KEY).sort_index()
     largest = rows.index.droplevel(["kind", "method"]).max()
@@ -107,7 +107,7 @@ def test_a_large_disturbance_lowers_fusion_and_leaves_single_view(level):
 
 
 def test_results_repeat_and_sequences_do_not_share_noise():
-    score = {"jitter_m": (0.3,), "jitter_repeats": 2}
+    score = {"shifts_m": (0.3,), "repeats": 2}
     assert swept(with_sure_false_boxes(**score)).equals(swept(with_sure_false_boxes(**score)))
     noise = {name: noise_of(renamed(name)) for name in ("walk", "ride")}
     assert np.array_equal(noise["walk"], noise_of(renamed("walk")))
@@ -153,7 +153,8 @@ def test_boxes_too_far_stay_out():
 
 def test_without_annotations_there_is_no_ap():
     used = replace(
-        evidence(observations_table(), jitter_m=(0.1,)), annotations=annotations_table().slice(0, 0)
+        evidence(observations_table(), jitter=JitterConfig(shifts_m=(0.1,))),
+        annotations=annotations_table().slice(0, 0),
     )
     rows = swept(used).to_pandas()
     assert rows.value.isna().all()

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pytest
 from scene import CAMERA, make_scene
 
-from imodbatch.config import PosesConfig
+from imodbatch.config import PoseQualityConfig
 from imodbatch.core.alignment import align_poses
 from imodbatch.core.frames import exp_twist, invert, make_transform, matrix_from_quaternion
 from imodbatch.core.trajectory import DENSE, LOST, TRACKED, FramePoses, Trajectory
@@ -65,7 +65,16 @@ def says(reprojection_px=(), loops=NOTHING):
     return ImageChecks(lambda *_: np.array(reprojection_px), lambda *_: loops)
 
 
-def judge(judged=None, true=None, up=None, checks=None, depth=None, has_stamps=True, **how):
+def judge(
+    judged=None,
+    true=None,
+    up=None,
+    checks=None,
+    depth=None,
+    has_stamps=True,
+    is_judged=False,
+    **how,
+):
     """Run the stage on poses (F, 4, 4) as estimated; `how` says more of their source."""
     judged = walk()[0] if judged is None else judged
     status = how.pop("status", None)
@@ -75,11 +84,11 @@ def judge(judged=None, true=None, up=None, checks=None, depth=None, has_stamps=T
     trajectory = Trajectory(given, **how)
     frames = frames_table(len(judged), has_stamps)
     placed = poses.run(frames, trajectory, (0.0, 0.0, 1.0), "as given").tables["poses"]
-    reference = None if true is None else Reference(FramePoses.from_matrices(true), up)
+    reference = None if true is None else Reference(FramePoses.from_matrices(true), up, is_judged)
     return pose_quality.run(
-        *(frames, placed, trajectory, reference, images(depth)),
+        *(frames, placed, trajectory.figures, reference, images(depth)),
         checks or says(),
-        PosesConfig(rpe_delta_frames=2),
+        PoseQualityConfig(rpe_delta_frames=2),
     )
 
 
@@ -220,7 +229,7 @@ def test_planted_faults_raise_the_figures():
 
 
 def test_poses_are_not_judged_by_themselves():
-    result = judge(true=walk()[0])
+    result = judge(true=walk()[0], is_judged=True)
     assert not [name for name in figures(result) if name.startswith(("ate", "rpe"))]
     assert result.tables["reference_poses"].num_rows == 0
     assert result.summary.endswith("no ATE: the poses are the reference itself")

@@ -15,6 +15,7 @@ from imodbatch.tables import from_rows
 MS = 1_000_000
 CAMERA = {"width_px": 4, "height_px": 3, "fx_px": 5, "fy_px": 5, "cx_px": 2, "cy_px": 1.5}
 UP = (0.0, 0.0, 1.0)
+NO_FIGURES = {"figures": {}}
 
 
 def frames_table(numbers, stamps_ms=None):
@@ -251,13 +252,21 @@ def test_a_given_up_becomes_z(up):
     assert np.allclose(levelled[:3, :3] @ up_cam, [0, 0, 1], atol=1e-9)
     height_m = camera[:3, 3] @ np.array(up) / np.linalg.norm(up)
     assert levelled[2, 3] == pytest.approx(height_m)
-    assert result.attributes == {"up": list(map(float, up)), "levelling": "up as given"}
+    assert result.attributes == {
+        "up": list(map(float, up)),
+        "levelling": "up as given",
+        "figures": {},
+    }
 
 
 def test_how_up_was_found_is_reported():
     frames, odometry = frames_table([0, 1]), by_number([1], [pose(4)])
     result = run(frames, odometry, up=(0.0, -1.0, 0.0), how="up from planes")
     assert result.summary == "2 frames = 1 tracked + 1 lost; up from planes"
-    assert result.attributes == {"up": [0.0, -1.0, 0.0], "levelling": "up from planes"}
+    assert result.attributes == {
+        "up": [0.0, -1.0, 0.0],
+        "levelling": "up from planes",
+        "figures": {},
+    }
     levelled = world_from_cam_of(result.tables["poses"])[1]
     assert np.allclose(levelled[:3, :3] @ [0, -1, 0], [0, 0, 1], atol=1e-9)

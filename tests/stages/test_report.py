@@ -195,7 +195,7 @@ RUN_INFO = report.RunInfo(
     settings={
         "viewpoint": {"n_azimuths": 16},
         "lift": {"voxel_size_m": 0.2},
-        "score": {"threshold_step": 0.01, "threshold_sequences": ()},
+        "metrics": {"threshold_step": 0.01, "threshold_sequences": ()},
     },
     summaries=(("lift", "desk", "6 detections = 6 placed"),),
     created="2026-01-05",

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from imodbatch.config import ScoreConfig
+from imodbatch.config import MatchingConfig, MetricsConfig
 from imodbatch.errors import ConfigError
 from imodbatch.schemas import ANNOTATIONS, DETECTIONS, FRAMES, FUSED
 from imodbatch.stages import score
@@ -89,22 +89,27 @@ def no_coco(candidates, scores, truth, n_classes):
     return np.full(n_classes, np.nan)
 
 
-def matched(config=None):
+AT_HALF = MatchingConfig()
+
+
+def matched():
     parts = []
     for sequence in ("s", "t"):
         chosen = [
             t.filter(np.array(t["sequence_id"].to_pylist()) == sequence)
             for t in (FUSED_ROWS, BOXES, TRUTH)
         ]
-        parts.append(score.match(*chosen, config or ScoreConfig()).tables["matches"])
+        parts.append(score.match(*chosen, AT_HALF).tables["matches"])
     import pyarrow as pa
 
     return pa.concat_tables(parts)
 
 
 def metrics(config=None):
-    config = config or ScoreConfig(metrics=("ap_voc07_11pt", "ap_area"))
-    result = score.summarise(FRAME_TABLE, TRUTH, BOXES, matched(config), CLASSES, no_coco, config)
+    config = config or MetricsConfig(names=("ap_voc07_11pt", "ap_area"))
+    result = score.summarise(
+        FRAME_TABLE, TRUTH, BOXES, matched(), CLASSES, no_coco, AT_HALF, config
+    )
     table = result.tables["metrics"].to_pandas()
     return table.set_index(["metric", "class_name"])
 
@@ -152,7 +157,7 @@ def test_threshold_maximises_f1_where_it_is_evaluated():
 
 
 def test_threshold_tuned_on_other_sequences():
-    config = ScoreConfig(metrics=("ap_area",), threshold_sequences=("t",))
+    config = MetricsConfig(names=("ap_area",), threshold_sequences=("t",))
     found = metrics(config)
     assert found.value["threshold", "mug"] == 0.0  # t holds one right box alone
     assert found.value["precision", "mug"] == pytest.approx(1 / 2)  # on s: 3.0 wrong, 2.0 right
@@ -164,7 +169,7 @@ def test_threshold_tuned_on_other_sequences():
 @pytest.mark.parametrize("names", [("u",), ("s", "t")])
 def test_tuning_needs_some_but_not_all_sequences(names):
     with pytest.raises(ConfigError, match="threshold_sequences") as caught:
-        metrics(ScoreConfig(threshold_sequences=names))
+        metrics(MetricsConfig(threshold_sequences=names))
     assert "\n" not in str(caught.value)
 
 
@@ -189,10 +194,10 @@ def test_background_counts_pixels_outside_the_boxes():
 
 def test_no_annotations_is_a_warning_not_an_error():
     empty = ANNOTATIONS.schema.empty_table()
-    table = score.match(FUSED_ROWS.slice(0, 4), BOXES.slice(0, 3), empty, ScoreConfig())
+    table = score.match(FUSED_ROWS.slice(0, 4), BOXES.slice(0, 3), empty, AT_HALF)
     result = score.summarise(
         frames(("s", 0), ("s", 1)), empty, BOXES.slice(0, 3), table.tables["matches"],
-        CLASSES, no_coco, ScoreConfig(),
+        CLASSES, no_coco, AT_HALF, MetricsConfig(),
     )  # fmt: skip
     assert len(result.warnings) == 1
     values = result.tables["metrics"].to_pandas()
