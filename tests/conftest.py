@@ -1,8 +1,9 @@
-"""What the tests of the whole command line share: a small analytic dataset and a way to call it."""
+"""What tests share: the same examples everywhere, a small analytic dataset, the command line."""
 
 from collections.abc import Callable
 from pathlib import Path
 
+import hypothesis
 import pytest
 from click.testing import CliRunner, Result
 
@@ -11,6 +12,16 @@ from imodbatch.simulation.analytic import write_dataset
 
 REPOSITORY = Path(__file__).parents[1]
 SEQUENCE = '[[sequences]]\nid = "{0}"\npath = "{0}"\n'
+WIDE = {"COLUMNS": "100"}  # help is wrapped by the terminal's width
+
+# Every machine and every run draws the same examples, however long one takes.
+hypothesis.settings.register_profile(
+    "everywhere",
+    derandomize=True,
+    deadline=None,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)
+hypothesis.settings.load_profile("everywhere")
 
 
 @pytest.fixture(scope="session")
@@ -40,6 +51,7 @@ def cli() -> Callable[..., Result]:
     """Call the command line in this process; what it does not catch fails the test."""
 
     def call(*arguments: object) -> Result:
-        return CliRunner().invoke(main, [str(a) for a in arguments], catch_exceptions=False)
+        words = [str(a) for a in arguments]
+        return CliRunner(env=WIDE).invoke(main, words, catch_exceptions=False)
 
     return call

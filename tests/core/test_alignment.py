@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from imodbatch.core.alignment import (
@@ -50,7 +50,6 @@ def read_only(array):
 seeds = st.integers(0, 2**32 - 1)
 
 
-@settings(deadline=None)
 @given(seed=seeds, n=st.integers(3, 30), scale=st.floats(0.01, 100))
 def test_a_similarity_is_recovered(seed, n, scale):
     rng = np.random.default_rng(seed)
@@ -63,7 +62,6 @@ def test_a_similarity_is_recovered(seed, n, scale):
     assert np.allclose(found.points(source), target, atol=1e-6 * max(scale, 1))
 
 
-@settings(deadline=None)
 @given(seed=seeds, n=st.integers(1, 30))
 def test_a_rigid_transform_of_poses_is_recovered_however_they_lie(seed, n):
     source = walk(n, seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from imodbatch.core.boxes import area, clip, coverage_matrix, iou_matrix, nms, nms_per_category
@@ -110,7 +110,6 @@ def test_nms_breaks_ties_by_lower_index():
     assert nms(boxes, frozen([0.5, 0.7, 0.7]), 0.5).tolist() == [1]
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.permutations(range(20)), st.integers(0, 1000))
 def test_nms_does_not_depend_on_the_order_of_distinct_scores(permutation, seed):
     rng = np.random.default_rng(seed)

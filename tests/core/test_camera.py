@@ -30,7 +30,7 @@ CAMERAS = st.builds(
 
 
 @given(CAMERAS, st.floats(-500, 2000), st.floats(-500, 2000), st.floats(0.05, 50))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_project_and_unproject_invert(camera, u, v, depth_m):
     point = camera.unproject(frozen([u, v]), depth_m)
     assert point[2] == depth_m

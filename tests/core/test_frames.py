@@ -21,6 +21,8 @@ from imodbatch.core.frames import (
 )
 
 HALF = np.sqrt(0.5)
+FEW_ROUNDINGS = 8 * np.finfo(float).eps
+"""Of numbers about 1: a CPU may round many at once otherwise than one alone."""
 AXES = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda a: np.linalg.norm(a) > 1e-3)
 SPECIAL = [0.0, 1e-12, 1e-6, np.pi / 2, np.pi - 1e-9, np.pi, np.pi + 1e-9, 1.5 * np.pi]
 ANGLES = st.one_of(st.floats(0, 2 * np.pi), st.sampled_from(SPECIAL))
@@ -71,7 +73,7 @@ def test_quaternions_by_hand(quaternion, x_goes_to, y_goes_to):
 @given(AXES, ANGLES)
 @example((1.0, 0.0, 0.0), np.pi)
 @example((0.3, -0.7, 0.2), np.pi)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_matrix_and_quaternion_against_rodrigues(axis, angle):
     rotation, quaternion = rodrigues(axis, angle), half_angle_quaternion(axis, angle)
     np.testing.assert_allclose(matrix_from_quaternion(quaternion), rotation, atol=1e-12)
@@ -89,7 +91,8 @@ def test_many_at_once():
     rotations = matrix_from_quaternion(quaternions)
     assert rotations.shape == (4, 5, 3, 3)
     for i, j in np.ndindex(4, 5):
-        np.testing.assert_array_equal(rotations[i, j], matrix_from_quaternion(quaternions[i, j]))
+        alone = matrix_from_quaternion(quaternions[i, j])
+        np.testing.assert_allclose(rotations[i, j], alone, atol=FEW_ROUNDINGS)
     back = quaternion_from_matrix(rotations)
     unit = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
     np.testing.assert_allclose(back, unit * np.sign(unit[..., :1]), atol=1e-12)
@@ -178,7 +181,7 @@ def test_is_rigid():
 @example((0.3, 0.4, 0.5), (-0.3, -0.4, -0.5))
 @example((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))
 @example((0.2, 0.0, 0.0), (0.9, 0.0, 0.0))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_rotation_between(a, b):
     a, b = frozen(a), frozen(b)
     rotation = rotation_between(a, b)
@@ -206,7 +209,7 @@ def test_rotation_between_nearly_opposite_directions(angle):
 
 
 @given(AXES, AXES, st.floats(0, np.pi - 1e-3), ANGLES, st.floats(0, 1))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_slerp_turns_evenly_along_the_shorter_arc(axis, start_axis, angle, start_angle, fraction):
     start = half_angle_quaternion(start_axis, start_angle)
     base = rodrigues(start_axis, start_angle)
@@ -250,7 +253,7 @@ def skew(vector):
 
 @given(AXES, ANGLES)
 @example((1.0, 0.0, 0.0), 0.0)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_exp_twist_is_the_exponential_of_a_rotation(axis, angle):
     vector = angle * np.asarray(axis) / np.linalg.norm(axis)
     found = exp_twist(frozen([0.3, -2.0, 5.0, *vector]))
@@ -264,13 +267,13 @@ def test_exp_twist_of_many_and_of_none():
     twists = frozen(np.random.default_rng(4).normal(size=(3, 4, 6)))
     found = exp_twist(twists)
     for i, j in np.ndindex(3, 4):
-        np.testing.assert_array_equal(found[i, j], exp_twist(twists[i, j]))
+        np.testing.assert_allclose(found[i, j], exp_twist(twists[i, j]), atol=FEW_ROUNDINGS)
     np.testing.assert_array_equal(exp_twist(np.zeros(6)), np.eye(4))
     assert exp_twist(np.zeros((0, 6))).shape == (0, 4, 4)
 
 
 @given(AXES, st.one_of(st.floats(0, np.pi - 1e-6), st.sampled_from([1e-14, 1e-12, 1e-9, 1e-6])))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_twist_between_inverts_exp_twist(axis, angle):
     twist = frozen([0.5, -1.5, 2.5, *(angle * np.asarray(axis) / np.linalg.norm(axis))])
     pose = random_transforms(np.random.default_rng(5), 1)[0]
@@ -299,7 +302,7 @@ def test_adjoint_of_products_and_of_many():
     a, b = np.split(random_transforms(np.random.default_rng(8), 12), 2)
     np.testing.assert_allclose(adjoint(a @ b), adjoint(a) @ adjoint(b), atol=1e-10)
     np.testing.assert_allclose(adjoint(invert(a)), np.linalg.inv(adjoint(a)), atol=1e-10)
-    np.testing.assert_array_equal(adjoint(a)[2], adjoint(a[2]))
+    np.testing.assert_allclose(adjoint(a)[2], adjoint(a[2]), rtol=0, atol=10 * FEW_ROUNDINGS)
 
 
 def test_orthonormal_after_a_thousand_products():

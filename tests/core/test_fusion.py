@@ -247,7 +247,7 @@ def test_pose_votes():
 
 
 @given(SEEDS, st.sampled_from(["3x16", "3x8", "1x5"]), st.integers(-20, 20))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_turning_the_scene_keeps_scores_and_turns_the_yaw(seed, grid, turn):
     n = GRIDS[grid][0][1]
     still = random_sightings(np.random.default_rng(seed), grid, n_boxes=20)
@@ -263,7 +263,7 @@ def test_turning_the_scene_keeps_scores_and_turns_the_yaw(seed, grid, turn):
 
 
 @given(SEEDS, st.sampled_from(METHODS), st.sampled_from(MODES), st.sampled_from(REDUCES))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_the_order_of_the_input_is_irrelevant(seed, method, mode, cell_reduce):
     rng = np.random.default_rng(seed)
     sightings = random_sightings(rng, "3x8", n_boxes=25, n_frames=4)
@@ -276,7 +276,7 @@ def test_the_order_of_the_input_is_irrelevant(seed, method, mode, cell_reduce):
 
 
 @given(SEEDS, st.sampled_from(["mean", "max"]))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_offline_the_order_of_frames_is_irrelevant(seed, cell_reduce):
     rng = np.random.default_rng(seed)
     sightings = random_sightings(rng, "3x8", n_boxes=25)
@@ -302,7 +302,7 @@ def test_last_keeps_the_latest_visit():
 
 
 @given(SEEDS, st.sampled_from(tuple(GRIDS)), st.sampled_from(REDUCES), st.integers(2, 5))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_standing_still_does_not_raise_the_score(seed, grid, cell_reduce, n_repeats):
     rng = np.random.default_rng(seed)
     once = random_sightings(rng, grid, n_boxes=12, n_frames=4)
@@ -328,7 +328,7 @@ def test_standing_still_does_not_raise_the_score(seed, grid, cell_reduce, n_repe
 
 
 @given(SEEDS, st.sampled_from(tuple(GRIDS)), st.sampled_from(MODES), st.sampled_from(REDUCES))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_scores_lie_between_zero_and_the_number_of_cells(seed, grid, mode, cell_reduce):
     sightings = random_sightings(np.random.default_rng(seed), grid, n_boxes=30)
     fused = fuse(sightings, "imod", mode, cell_reduce)
@@ -353,7 +353,7 @@ def test_a_detector_that_is_always_right_reaches_the_number_of_cells():
 
 
 @given(SEEDS, st.sampled_from(METHODS), st.sampled_from(tuple(GRIDS)), st.sampled_from(REDUCES))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_online_at_the_last_frame_of_a_voxel_is_offline(seed, method, grid, cell_reduce):
     sightings = random_sightings(np.random.default_rng(seed), grid, n_boxes=25)
     online = fuse(sightings, method, "online", cell_reduce)
@@ -369,7 +369,7 @@ def test_online_at_the_last_frame_of_a_voxel_is_offline(seed, method, grid, cell
 
 
 @given(SEEDS, st.sampled_from(METHODS), st.sampled_from(tuple(GRIDS)), st.sampled_from(REDUCES))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_online_never_looks_ahead(seed, method, grid, cell_reduce):
     sightings = random_sightings(np.random.default_rng(seed), grid, n_boxes=25)
     past = np.flatnonzero(sightings.frame <= 15)
@@ -380,7 +380,7 @@ def test_online_never_looks_ahead(seed, method, grid, cell_reduce):
 
 
 @given(SEEDS, st.sampled_from(METHODS), st.sampled_from(MODES), st.sampled_from(REDUCES))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_voxels_do_not_influence_each_other(seed, method, mode, cell_reduce):
     sightings = random_sightings(np.random.default_rng(seed), "3x8", n_boxes=25)
     both = fuse(sightings, method, mode, cell_reduce)

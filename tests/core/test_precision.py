@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from imodbatch.core import precision as module
@@ -99,7 +99,6 @@ def plain_envelope_area(is_true_positive, n_annotations):
     return sum((mrec[i] - mrec[i - 1]) * mpre[i] for i in range(1, len(mrec)))
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.lists(st.booleans(), max_size=40), st.integers(1, 20))
 def test_ap_agrees_with_plain_loops(flags, n_missed):
     ranking, n_annotations = frozen(flags, dtype=bool), sum(flags) + n_missed
@@ -122,7 +121,6 @@ STRICTLY_INCREASING = {
 }
 
 
-@settings(derandomize=True, deadline=None)
 @given(
     st.lists(st.integers(-500, 500), min_size=1, max_size=30),
     st.sampled_from(sorted(STRICTLY_INCREASING)),
@@ -178,7 +176,6 @@ def test_sweep_agrees_with_a_plain_loop(low, high, first, last):
     assert not np.isnan(sweep.precision[-2])
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.integers(-300, 3000), st.sampled_from([0.01, 0.05, 0.1, 0.3]))
 def test_a_score_on_a_threshold_is_kept_and_the_next_threshold_ends_the_sweep(k, step):
     score = k * step  # the quotient by the step often falls short of k
@@ -187,7 +184,6 @@ def test_a_score_on_a_threshold_is_kept_and_the_next_threshold_ends_the_sweep(k,
     assert sweep.recall[-2:].tolist() == [1.0, 0.0]
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.integers(-300, 3000), st.sampled_from([0.01, 0.05, 0.1, 0.3]))
 def test_a_score_just_below_a_threshold_is_lost_there_and_the_sweep_ends(k, step):
     score = np.nextafter(k * step, -np.inf)  # the quotient by the step often rounds up to k

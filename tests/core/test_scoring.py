@@ -49,7 +49,7 @@ def random_case(rng, n_candidates=60, n_annotations=30, n_images=5, n_classes=3)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["voc", "coco"]), st.sampled_from([0.3, 0.5]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_match_all_is_match_image_on_each_image_and_class(seed, rule, iou_threshold):
     candidates, scores, truth = random_case(np.random.default_rng(seed))
     found = match_all(candidates, scores, truth, iou_threshold, rule)

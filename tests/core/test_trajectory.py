@@ -67,7 +67,7 @@ def test_associate_by_hand(a, b, max_gap, expected):
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 30), st.integers(0, 30), st.integers(0, 300_000))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_associate_against_a_plain_loop(seed, n_a, n_b, max_gap):
     rng = np.random.default_rng(seed)
     # nanoseconds of 2020, where float64 could not tell neighbours apart; all gaps are different
@@ -84,7 +84,7 @@ def test_associate_against_a_plain_loop(seed, n_a, n_b, max_gap):
     st.lists(st.integers(0, 20), max_size=15),
     st.integers(0, 6),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_associate_is_one_to_one_and_leaves_no_pair_out(a, b, max_gap):
     found = associate(stamps(a), stamps(b), max_gap)
     used = found[found >= 0]

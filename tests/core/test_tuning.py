@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from imodbatch.core.tuning import (
@@ -154,7 +154,6 @@ def enough_annotations(rows: ScoredBoxes, spare: int) -> np.ndarray:
     return counts
 
 
-@settings(deadline=None)
 @given(ROWS, ROWS, st.integers(0, N_SEQUENCES - 1), st.integers(0, 2))
 def test_a_threshold_knows_nothing_of_its_own_sequence(
     first: list[tuple[float, bool, int, int]],
@@ -173,7 +172,6 @@ def test_a_threshold_knows_nothing_of_its_own_sequence(
     np.testing.assert_array_equal(*found)
 
 
-@settings(deadline=None)
 @given(ROWS, st.integers(0, 2))
 def test_the_test_set_gives_the_best_f1_of_any_one_threshold(
     rows: list[tuple[float, bool, int, int]], spare: int

@@ -93,7 +93,7 @@ COORDINATES = st.tuples(*[st.floats(-10, 10)] * 3)
 
 
 @given(COORDINATES, COORDINATES)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_view_angles_are_in_range_and_point_at_the_camera(xyz, camera):
     azimuth, elevation = view_angles(frozen(xyz), frozen(camera))
     assert 0 <= azimuth < 2 * np.pi
@@ -142,7 +142,7 @@ def test_voxels_also_on_the_negative_side():
 
 
 @given(st.tuples(*[st.floats(-50, 50)] * 3), st.sampled_from([0.1, 0.2, 0.25, 0.4]))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_a_point_lies_in_its_voxel(xyz, size):
     low = voxel_indices(frozen(xyz), size) * size
     assert (low <= np.array(xyz) + 1e-9).all()

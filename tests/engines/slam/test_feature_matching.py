@@ -76,7 +76,7 @@ def test_too_few_to_compare(n_a, n_b):
     st.integers(0, 2**31), st.integers(1, 150), st.integers(1, 70), st.floats(0.5, 60),
     st.sampled_from([(320, 240), (100, 61), (16, 16), (33, 31)]),
 )  # fmt: skip
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_near_is_brute_force(seed, n_features, n_queries, radius, size):
     rng = np.random.default_rng(seed)
     width, height = size
