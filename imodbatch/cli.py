@@ -3,6 +3,7 @@
 Heavy libraries load inside the commands, so that ``imodbatch --help`` answers at once.
 """
 
+import io
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -64,6 +65,12 @@ def _common_options(command: Callable[..., None]) -> Callable[..., None]:
 
 class _OneLineErrors(click.Group):
     """Errors a user can cure are one line on stderr and exit code 1."""
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Run; what the terminal's encoding lacks (→ in Latin-1) is printed as a question mark."""
+        if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+            sys.stdout.reconfigure(errors="replace")
+        return super().main(*args, **kwargs)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; the only place where errors are caught."""

@@ -1,16 +1,16 @@
 """The command line's face: help, exit codes, speed; and that the files beside it tell the truth."""
 
 import re
+import shlex
 import subprocess
 import sys
-import time
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import Result
+from click.testing import CliRunner, Result
 
 from imodbatch.cli import main
 from imodbatch.config import Pipeline, load_pipeline
@@ -19,7 +19,6 @@ from imodbatch.schemas import TABLES
 from imodbatch.wiring import STAGES
 
 REPOSITORY = Path(__file__).parents[1]
-HEAVY = {"torch", "open3d", "pandas", "pyarrow", "pydantic", "cv2", "matplotlib", "pycolmap"}
 PIPELINES = sorted((REPOSITORY / "pipelines").glob("*.toml"))
 MANIFESTS = sorted((REPOSITORY / "manifests").glob("*.toml"))
 
@@ -64,28 +63,25 @@ def test_help_lists_the_stages_in_their_order(cli: Callable[..., Result]) -> Non
     assert listed[: len(STAGES)] == list(STAGES)
 
 
-def test_help_imports_nothing_heavy() -> None:
+def test_help_answers_at_once() -> None:
+    """It imports the standard library and click: counted, for seconds are another machine's."""
     code = (
         "import sys\n"
+        "before = set(sys.modules)\n"
         "from imodbatch.cli import main\n"
         "main(['--help'], standalone_mode=False)\n"
-        "print(*{name.partition('.')[0] for name in sys.modules}, file=sys.stderr)\n"
+        "loaded = {name.partition('.')[0] for name in sys.modules.keys() - before}\n"
+        "print(*loaded - sys.stdlib_module_names, file=sys.stderr)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "Usage:" in done.stdout
-    loaded = set(done.stderr.split())
-    assert {"click", "imodbatch"} <= loaded
-    assert loaded & HEAVY == set()
+    assert set(done.stderr.split()) == {"click", "imodbatch"}
 
 
-def test_help_answers_at_once() -> None:
-    command = [sys.executable, "-m", "imodbatch.cli", "--help"]
-    seconds = []
-    for _ in range(5):
-        start = time.perf_counter()
-        subprocess.run(command, capture_output=True, check=True)
-        seconds.append(time.perf_counter() - start)
-    assert min(seconds) < 0.3
+def test_help_is_printed_whatever_the_terminal_can_show() -> None:
+    result = CliRunner(charset="latin-1").invoke(main, ["index", "--help"])
+    assert (result.exit_code, result.exception) == (0, None)
+    assert "Dataset folder ? frames" in result.stdout
 
 
 # Exit codes
@@ -323,7 +319,7 @@ def code_of(markdown: str) -> str:
 
 def test_a_closed_pipe_is_no_error() -> None:
     """`imodbatch schema | head -1`."""
-    command = f"{sys.executable} -m imodbatch.cli schema | head -1"
+    command = f"{shlex.quote(sys.executable)} -m imodbatch.cli schema | head -1"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)
     assert done.stdout.startswith("frames/")
     assert done.stderr == ""
