@@ -111,9 +111,8 @@ def _timestamps(
     if images.timestamps is not None:
         path = base / images.timestamps
         try:
-            lines = [
-                t for line in path.read_text().splitlines() if (t := line.split("#")[0].strip())
-            ]
+            text = path.read_text(encoding="utf-8")
+            lines = [t for line in text.splitlines() if (t := line.split("#")[0].strip())]
             stamps = [nanoseconds(line.split()[0]) for line in lines]
         except (OSError, ValueError) as error:
             raise DataError(f"{path}: expected a stamp in seconds per line ({error}).") from None
