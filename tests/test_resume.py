@@ -73,9 +73,12 @@ class Project:
         found = sorted(self.tables.rglob("*.parquet"))
         return {path.relative_to(self.tables).as_posix(): path.read_bytes() for path in found}
 
-    def moments(self) -> dict[str, int]:
-        found = sorted(self.tables.rglob("*.parquet"))
-        return {path.relative_to(self.tables).as_posix(): path.stat().st_mtime_ns for path in found}
+    def moments(self) -> dict[str, tuple[int, int]]:
+        """What changes when a file is written anew, also within one tick of the disk's clock."""
+        found = {
+            path.relative_to(self.tables): path.stat() for path in self.tables.rglob("*.parquet")
+        }
+        return {path.as_posix(): (stat.st_ino, stat.st_mtime_ns) for path, stat in found.items()}
 
     def states(self, *more: object) -> dict[str, set[str]]:
         """State → what is in it, as `status` prints it."""

@@ -155,7 +155,7 @@ def test_shipped_manifests_say_what_a_dataset_says_of_itself(split, n_worlds, su
     texts = manifest_texts(name, split, list(OBJECTS), CAMERA, ids)
     text = texts[f"manifest{suffix}.toml"]
     (tmp_path / "m.toml").write_text(text, encoding="utf-8")
-    shipped = Path(f"manifests/{name}{suffix}.toml")
+    shipped = Path(__file__).parents[2] / f"manifests/{name}{suffix}.toml"
     told = [load_manifest(path) for path in (tmp_path / "m.toml", shipped)]
     assert told[0].name == told[1].name
     places = {"name", "root", "description"}
