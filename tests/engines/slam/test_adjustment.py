@@ -1,6 +1,7 @@
 """Bundle adjustment: on networks whose truth is known, and against dense normal equations."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -212,4 +213,5 @@ def test_more_rounds_never_fit_worse():
         in_camera = apply(found.cam_from_world[made.camera_of], found.points[made.point_of])
         error = measurement.residuals(CAMERA, in_camera, made.measurements, made.sigma)
         costs.append(np.median(error**2))
-    assert costs == sorted(costs, reverse=True)
+    # where rounds change nothing any more, roundings may go either way
+    assert all(later <= earlier * (1 + 1e-9) for earlier, later in pairwise(costs))
