@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imodbatch.checkup.peaks import peak
 from imodbatch.checkup.views import View
 from imodbatch.core.depth import DepthImage
 from imodbatch.core.frames import apply
@@ -65,16 +66,8 @@ def fit_edges(views: list[View]) -> EdgeFit | None:
     step = float(np.log(SIZES[1] / SIZES[0]))
     unit = views[0].gray.shape[1] / REFERENCE_WIDTH_PX
     shift = (float(SHIFTS[across] * unit), float(SHIFTS[down] / 2 * unit))
-    peak = _peak(np.log(SIZES), mean.max(axis=(1, 2)))
-    return EdgeFit(float(np.exp(peak)), float(max(spread, step / 2)), gain, shift, len(scores))
-
-
-def _peak(x: Array, y: Array) -> float:
-    """Abscissa of the top of a parabola through the highest value (of even steps) and its two."""
-    i = int(np.clip(y.argmax(), 1, len(y) - 2))
-    bend = y[i - 1] - 2 * y[i] + y[i + 1]
-    offset = 0.5 * (y[i - 1] - y[i + 1]) / bend if bend < 0 else 0.0
-    return float(x[i] + np.clip(offset, -1, 1) * (x[1] - x[0]))
+    best = peak(np.log(SIZES), mean.max(axis=(1, 2)))
+    return EdgeFit(float(np.exp(best)), float(max(spread, step / 2)), gain, shift, len(scores))
 
 
 def _scores(view: View) -> Array | None:

@@ -26,13 +26,14 @@ from imodbatch.checkup.files import check_files
 from imodbatch.checkup.finding import ERROR, Finding, Outcome, skipped
 from imodbatch.checkup.focal import camera_costs, fit_focal
 from imodbatch.checkup.lifted import box_frames, check_lifted
-from imodbatch.checkup.motions import Motions, measure, measure_pair
+from imodbatch.checkup.motions import Motions, measure
 from imodbatch.checkup.subject import Subject
 from imodbatch.checkup.trajectory import check_poses, check_stamps
 from imodbatch.checkup.upright import check_up
 from imodbatch.checkup.views import Sample, View, draw, reader
 from imodbatch.core.depth import DepthImage
 from imodbatch.datasets.annotations.entries import Entry
+from imodbatch.engines.rgbd.motion import motion_between
 from imodbatch.errors import ImodError
 from imodbatch.manifest import AnnotationsSection, Manifest, SequenceSection
 
@@ -202,8 +203,8 @@ def _motion(
     first, second = read(a), read(b)
     if first is None or second is None:
         return None
-    found = measure_pair(first, second, subject.cameras.color)
-    return None if found is None else found[0]
+    found = motion_between(first.features, second.features, subject.cameras.color)
+    return None if found is None else found.b_from_a
 
 
 def _names(entries: list[Entry] | ImodError, section: AnnotationsSection) -> Counter[str] | None:

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.checkup.motions import Motions, median_error_px
+from imodbatch.checkup.peaks import peak
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.engines.slam.resection import ransac
+from imodbatch.engines.rgbd.resection import ransac
 
 Array = NDArray[np.float64]
 FACTORS = np.exp(np.linspace(np.log(0.72), np.log(1.38), 27))
@@ -52,9 +53,9 @@ def fit_focal(motions: Motions, b_from_a: Array | None) -> FocalFit | None:
     rng = np.random.default_rng(0)
     drawn = rng.integers(len(motions), size=(RESAMPLES, len(motions)))
     logs = np.log(FACTORS)
-    peaks = np.array([_lowest(logs, curves[:, rows].mean(axis=1)) for rows in drawn])
+    peaks = np.array([peak(logs, -curves[:, rows].mean(axis=1)) for rows in drawn])
     mean = curves.mean(axis=1)
-    best = _lowest(logs, mean)
+    best = peak(logs, -mean)
     as_given = int(np.abs(logs).argmin())
     gain = float(np.exp(mean[as_given] - mean.min()))
     return FocalFit(float(np.exp(best)), float(max(peaks.std(), 0.005)), gain, len(motions))
@@ -96,11 +97,3 @@ def _free_errors(motions: Motions, points_a: Array, camera: PinholeCamera) -> Ar
         if found is not None:
             b_from_a[pair] = found[0]
     return median_error_px(b_from_a, points_a, motions.pixels_b, camera)
-
-
-def _lowest(x: Array, y: Array) -> float:
-    """Abscissa of the bottom of a parabola through the lowest value (of even steps) and its two."""
-    i = int(np.clip(y.argmin(), 1, len(y) - 2))
-    bend = y[i - 1] - 2 * y[i] + y[i + 1]
-    offset = 0.5 * (y[i - 1] - y[i + 1]) / bend if bend > 0 else 0.0
-    return float(x[i] + np.clip(offset, -1, 1) * (x[1] - x[0]))

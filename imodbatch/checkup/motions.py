@@ -11,17 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from imodbatch.checkup.views import Sample, View
+from imodbatch.checkup.views import Sample
 from imodbatch.core.alignment import rotation_angle_rad
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import invert
-from imodbatch.engines.slam.matching import mutual_matches
-from imodbatch.engines.slam.resection import ransac
+from imodbatch.engines.rgbd.motion import motion_between
 
 Array = NDArray[np.float64]
 MOST_POINTS = 120
-FEWEST_POINTS = 20
-INLIER_SHARE = 0.4
 FARTHEST_PX = 200.0
 """Larger errors, and points behind the camera, count as this much."""
 
@@ -89,40 +86,24 @@ def median_error_px(
 
 def measure(sample: Sample, camera: PinholeCamera) -> Motions:
     """The motions that the images of a sample tell."""
-    rows = []
+    found = {}
     for a, b in sample.pairs:
-        found = measure_pair(sample.views[a], sample.views[b], camera)
-        if found is not None:
-            rows.append((a, b, *found))
-    n = len(rows)
-    points_a = np.full((n, MOST_POINTS, 3), np.nan)
-    pixels_b = np.full((n, MOST_POINTS, 2), np.nan)
-    for row, (*_, points, pixels) in enumerate(rows):
+        motion = motion_between(sample.views[a].features, sample.views[b].features, camera)
+        if motion is not None:
+            found[a, b] = motion
+    points_a = np.full((len(found), MOST_POINTS, 3), np.nan)
+    pixels_b = np.full((len(found), MOST_POINTS, 2), np.nan)
+    for row, motion in enumerate(found.values()):
+        points, pixels = motion.points_a[:MOST_POINTS], motion.pixels_b[:MOST_POINTS]
         points_a[row, : len(points)], pixels_b[row, : len(points)] = points, pixels
     return Motions(
         camera,
-        np.array([row[0] for row in rows], dtype=np.int64),
-        np.array([row[1] for row in rows], dtype=np.int64),
-        np.array([row[2] for row in rows]).reshape(-1, 4, 4),
+        *np.array(list(found), dtype=np.int64).reshape(-1, 2).T,
+        np.array([motion.b_from_a for motion in found.values()]).reshape(-1, 4, 4),
         points_a,
         pixels_b,
-        np.array([np.median(row[3][:, 2]) for row in rows]),
+        np.array([np.median(motion.points_a[:MOST_POINTS, 2]) for motion in found.values()]),
     )
-
-
-def measure_pair(
-    first: View, second: View, camera: PinholeCamera
-) -> tuple[Array, Array, Array] | None:
-    """b_from_a (4, 4), points (n, 3) in a and pixels (n, 2) in b that agree; None = not clear."""
-    in_a, in_b = mutual_matches(first.features.descriptors, second.features.descriptors)
-    points, pixels = first.features.points_cam[in_a], second.features.pixels[in_b]
-    has_depth = np.isfinite(points[:, 2])
-    points, pixels = points[has_depth], pixels[has_depth]
-    found = ransac(camera, points, pixels) if len(points) >= FEWEST_POINTS else None
-    if found is None or found[1].sum() < max(FEWEST_POINTS, INLIER_SHARE * len(points)):
-        return None
-    kept = np.flatnonzero(found[1])[:MOST_POINTS]
-    return found[0], points[kept], pixels[kept]
 
 
 def relative(world_from_cam: Array, first: NDArray[np.int64], second: NDArray[np.int64]) -> Array:

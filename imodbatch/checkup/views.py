@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage, register
 from imodbatch.datasets.base import CameraModel, FrameFile
-from imodbatch.engines.slam.features import FeatureExtractor, Features
-from imodbatch.engines.slam.matching import mutual_matches
+from imodbatch.engines.rgbd.features import FeatureExtractor, Features
+from imodbatch.engines.rgbd.gray import Gray, to_gray
+from imodbatch.engines.rgbd.matching import mutual_matches
 from imodbatch.errors import DataError
 from imodbatch.images import read_color, read_depth
 from imodbatch.manifest import Manifest
@@ -22,7 +23,6 @@ N_FEATURES = 700
 OFFSETS = ((0, 4, 12), (0, 2, 6), (0, 1, 3), (0, 1, 2))
 """Of the frames of a group; the closest are for robots that move far between frames."""
 FEWEST_MATCHES = 60
-LUMA = (0.299, 0.587, 0.114)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class View:
     """
 
     position: int
-    gray: NDArray[np.uint8]
+    gray: Gray
     depth_m: DepthImage
     camera: CameraModel
 
@@ -142,8 +142,7 @@ def reader(
             return None
         if not (_fits(color, model.color) and _fits(depth_m, model.depth)):
             return None
-        gray = np.rint(color @ np.array(LUMA)).astype(np.uint8)
-        return View(position, gray, depth_m, model)
+        return View(position, to_gray(color), depth_m, model)
 
     return read
 

@@ -39,17 +39,6 @@ class DepthConsistency:
     n_points: int
 
     @property
-    def median_m(self) -> float:
-        """Median size of the residuals; NaN without any."""
-        return float(np.median(np.abs(self.residual_m))) if len(self.residual_m) else float("nan")
-
-    @property
-    def share_within(self) -> float:
-        """Share of the points that both see whose residual is within tolerance; NaN without any."""
-        within = np.abs(self.residual_m) <= self.tolerance_m
-        return float(within.mean()) if len(within) else float("nan")
-
-    @property
     def overlap(self) -> float:
         """Share of a's points that b sees, too."""
         return len(self.residual_m) / self.n_points if self.n_points else 0.0

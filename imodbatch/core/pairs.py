@@ -95,6 +95,18 @@ def revisits(
     return _spread(np.stack([position, position[best]], axis=-1)[has_one], most)
 
 
+def nearest_views(
+    world_from_cam: Array,
+    number: int,
+    max_distance_m: float = 1.0,
+    max_angle_rad: float = float(np.deg2rad(45)),
+) -> list[int]:
+    """Those of K cameras (K, 4, 4) that look at the same side from nearby as one, nearest first."""
+    distance, angle = _apart(world_from_cam[[number]], world_from_cam)
+    fits = (distance[0] < max_distance_m) & (angle[0] < max_angle_rad)
+    return [int(k) for k in np.argsort(distance[0], kind="stable") if fits[k] and k != number]
+
+
 def steps_m(world_from_cam: Array) -> Array:
     """Distances (F − 1,) between the centres of successive poses (F, 4, 4)."""
     return np.linalg.norm(np.diff(world_from_cam[:, :3, 3], axis=0), axis=-1)

@@ -5,7 +5,12 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from imodbatch.core.camera import PinholeCamera
 from imodbatch.engines.stub_library import load_or_stub, undefined_functions
 from imodbatch.errors import ImodError
 
@@ -39,6 +44,26 @@ def open3d() -> ModuleType:
         ) from None
     module.utility.set_verbosity_level(module.utility.VerbosityLevel.Error)
     return module  # type: ignore[no-any-return]
+
+
+def intrinsics(camera: PinholeCamera) -> Any:
+    """The camera as open3d knows it, which counts pixels from the middle of the first one."""
+    return open3d().camera.PinholeCameraIntrinsic(
+        *(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px),
+        *(camera.cx_px - 0.5, camera.cy_px - 0.5),
+    )
+
+
+def rgbd_image(color: NDArray[np.uint8], depth_m: NDArray[np.float32], max_depth_m: float) -> Any:
+    """A colour or grey image with its depth (H, W), NaN = unknown, for open3d's odometry."""
+    geometry = open3d().geometry
+    return geometry.RGBDImage.create_from_color_and_depth(
+        geometry.Image(np.ascontiguousarray(color)),
+        geometry.Image(np.nan_to_num(depth_m, nan=0.0).astype(np.float32)),
+        depth_scale=1.0,
+        depth_trunc=max_depth_m,
+        convert_rgb_to_intensity=True,
+    )
 
 
 def _provide_display_libraries() -> None:

@@ -23,13 +23,14 @@ from imodbatch.core.alignment import absolute_errors_m, align_poses
 from imodbatch.core.frames import invert
 from imodbatch.datasets.registry import adapter_of
 from imodbatch.engines import slam
-from imodbatch.engines.open3d_library import open3d
+from imodbatch.engines.open3d_library import intrinsics, open3d, rgbd_image
 from imodbatch.engines.rgbd import RgbdFrames
 from imodbatch.manifest import load_manifest
 from imodbatch.posing import rgbd_frames
 from imodbatch.stages import index, poses
 
 Poses = NDArray[np.float64]
+MAX_DEPTH_M = 4.0
 
 
 def main() -> None:
@@ -95,35 +96,17 @@ def slam_poses(frames: RgbdFrames) -> Poses:
 
 def open3d_poses(frames: RgbdFrames) -> Poses:
     """Frame to frame, at open3d's defaults; a pair that fails repeats the last pose."""
-    o3d = open3d()
-    odometry = o3d.pipelines.odometry
-    camera = frames.camera
-    intrinsics = o3d.camera.PinholeCameraIntrinsic(
-        camera.width_px,
-        camera.height_px,
-        camera.fx_px,
-        camera.fy_px,
-        camera.cx_px - 0.5,
-        camera.cy_px - 0.5,
-    )
+    odometry = open3d().pipelines.odometry
     images = []
     for position in range(len(frames)):
-        depth_m = np.nan_to_num(frames.read_depth(position), nan=0.0).astype(np.float32)
-        images.append(
-            o3d.geometry.RGBDImage.create_from_color_and_depth(
-                o3d.geometry.Image(np.ascontiguousarray(frames.read_color(position))),
-                o3d.geometry.Image(depth_m),
-                depth_scale=1.0,
-                depth_trunc=4.0,
-                convert_rgb_to_intensity=True,
-            )
-        )
+        depth_m = frames.read_depth(position)
+        images.append(rgbd_image(frames.read_color(position), depth_m, MAX_DEPTH_M))
     found = [np.eye(4)]
     for old, new in pairwise(images):
         good, new_from_old, _ = odometry.compute_rgbd_odometry(
             old,
             new,
-            intrinsics,
+            intrinsics(frames.camera),
             np.eye(4),
             odometry.RGBDOdometryJacobianFromHybridTerm(),
             odometry.OdometryOption(),

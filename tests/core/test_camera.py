@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.engines.open3d_library import open3d
+from imodbatch.engines.open3d_library import intrinsics, open3d
 
 CAMERA = PinholeCamera(64, 48, 52.5, 57.25, 31.75, 23.0)
 
@@ -85,16 +85,8 @@ def test_opencv_has_the_same_pixels_half_a_pixel_less():
 def test_open3d_gives_the_same_points_for_a_whole_depth_image():
     o3d = open3d()
     depth_m = np.random.default_rng(1).uniform(0.4, 6, (48, 64)).astype(np.float32)
-    intrinsic = o3d.camera.PinholeCameraIntrinsic(
-        CAMERA.width_px,
-        CAMERA.height_px,
-        CAMERA.fx_px,
-        CAMERA.fy_px,
-        CAMERA.cx_px - 0.5,  # Open3D: integer pixel centres
-        CAMERA.cy_px - 0.5,
-    )
     cloud = o3d.geometry.PointCloud.create_from_depth_image(
-        o3d.geometry.Image(depth_m), intrinsic, depth_scale=1.0, depth_trunc=100.0
+        o3d.geometry.Image(depth_m), intrinsics(CAMERA), depth_scale=1.0, depth_trunc=100.0
     )
     ours = CAMERA.unproject(CAMERA.pixel_centers(), depth_m).reshape(-1, 3)
     np.testing.assert_allclose(ours, np.asarray(cloud.points), rtol=0, atol=1e-5)

@@ -4,7 +4,7 @@ Images alone tell turning from stepping sideways only by small differences, so a
 be slightly bent, or flattened along the line of sight, and still fit every pixel; and it follows
 whatever the colour camera's calibration says. Depth knows better. It is used as slam uses it:
 behind each pixel that sees a point, and as a surface that ties keyframes which look at the same
-side of things (`imodbatch.engines.slam.adjustment`, `imodbatch.engines.slam.registration`).
+side of things (`imodbatch.engines.rgbd.adjustment`, `imodbatch.engines.rgbd.registration`).
 """
 
 import numpy as np
@@ -12,17 +12,16 @@ from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage
-from imodbatch.engines.rgbd import RgbdFrames
+from imodbatch.core.frames import invert
+from imodbatch.core.pairs import nearest_views
+from imodbatch.engines.rgbd import RgbdFrames, measurement
+from imodbatch.engines.rgbd.adjustment import Network, Tie, adjust
+from imodbatch.engines.rgbd.features import SCALE_FACTOR, smooth_depth
+from imodbatch.engines.rgbd.registration import bind, settle
+from imodbatch.engines.rgbd.resection import Sightings, refine
+from imodbatch.engines.rgbd.surfaces import Surface, surface
 from imodbatch.engines.sfm.colmap import Progress
 from imodbatch.engines.sfm.mapping import Model, Sights
-from imodbatch.engines.slam import measurement
-from imodbatch.engines.slam.adjustment import Network, Ties, adjust
-from imodbatch.engines.slam.features import SCALE_FACTOR, smooth_depth
-from imodbatch.engines.slam.loops import nearest_views
-from imodbatch.engines.slam.refinement import bind, ties_between
-from imodbatch.engines.slam.registration import settle
-from imodbatch.engines.slam.resection import Sightings, refine
-from imodbatch.engines.slam.surfaces import Surface, surface
 from imodbatch.engines.slam.tracking import MIN_FITTING
 
 Array = NDArray[np.float64]
@@ -113,11 +112,11 @@ def _sightings(sights: Sights, depth_m: DepthImage, camera: PinholeCamera) -> Si
     return Sightings(sights.points, measurements, measurement.sigmas(measurements, octave))
 
 
-def _ties(surfaces: list[Surface], cam_from_world: Array) -> Ties:
+def _ties(surfaces: list[Surface], cam_from_world: Array) -> list[Tie]:
     """Relative poses of keyframes that follow each other or look at the same side from nearby."""
-    numbers = range(len(surfaces))
+    numbers, world_from_cam = range(len(surfaces)), invert(cam_from_world)
     pairs = {(i, j) for i in numbers for j in range(i + 1, min(i + 1 + N_NEXT, len(surfaces)))}
     for i in numbers:
-        pairs |= {(min(i, j), max(i, j)) for j in nearest_views(cam_from_world, i)[:N_NEAREST]}
+        pairs |= {(min(i, j), max(i, j)) for j in nearest_views(world_from_cam, i)[:N_NEAREST]}
     found = [bind(surfaces, cam_from_world, *pair) for pair in sorted(pairs)]
-    return ties_between([t for t in found if t is not None], numbers)
+    return [tie for tie in found if tie is not None]

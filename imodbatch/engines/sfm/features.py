@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.engines.rgbd import RgbdFrames
+from imodbatch.engines.rgbd.gray import HALF_PX, Gray, read_gray
 from imodbatch.engines.sfm.colmap import Progress, colmap_camera, pycolmap
-from imodbatch.engines.sfm.gray import HALF_PX, Gray, read_gray
 
 CONTRAST = 0.02  # COLMAP's peak threshold, as opencv counts it: 3 layers × 0.0067
 QUANTUM = 512.0

@@ -10,20 +10,18 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from imodbatch.engines.rgbd import RgbdFrames
+from imodbatch.engines.rgbd.flow import corners, track
+from imodbatch.engines.rgbd.gray import Gray, read_gray
 from imodbatch.engines.sfm.colmap import Progress
-from imodbatch.engines.sfm.gray import Gray, read_gray
 
-MAX_CORNERS = 300
-CORNER_QUALITY = 0.01
 CORNER_DISTANCE_PX = 7
 MIN_CORNERS = 20
 MIN_SHARE_KEPT = 0.5
 FEW_KEYFRAMES = 12
 MOVED_QUANTILE = 0.75
-WINDOW_PX = (15, 15)
+WINDOW_PX = 15
 PYRAMID_LEVELS = 3
 
 
@@ -70,36 +68,21 @@ class _Motion:
     def __init__(self, share_of_width: float) -> None:
         self._share = share_of_width
         self._key: Gray | None = None
-        self._corners = self._tracks = np.zeros((0, 1, 2), dtype=np.float32)
+        self._corners = self._tracks = np.zeros((0, 2))
 
     def is_enough(self, gray: Gray) -> bool:
         """Whether an image (H, W) is a new keyframe; if so, the next is compared with it."""
-        if self._key is not None and len(self._corners) >= MIN_CORNERS and not self._moved(gray):
+        key, n_corners = self._key, len(self._corners)
+        if key is not None and n_corners >= MIN_CORNERS and not self._moved(key, gray):
             return False
         self._key = gray
-        self._corners = self._tracks = _corners(gray)
+        self._corners = self._tracks = corners(gray, CORNER_DISTANCE_PX)
         return True
 
-    def _moved(self, gray: Gray) -> bool:
-        tracks, found, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]
-            self._key,
-            gray,
-            self._corners,
-            self._tracks.copy(),
-            winSize=WINDOW_PX,
-            maxLevel=PYRAMID_LEVELS,
-            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-        )
-        kept = found[:, 0] == 1
+    def _moved(self, key: Gray, gray: Gray) -> bool:
+        pixels, kept = track(key, gray, self._corners, self._tracks, WINDOW_PX, PYRAMID_LEVELS)
         if kept.mean() < MIN_SHARE_KEPT:
             return True
-        self._tracks = np.where(kept[:, None, None], tracks, self._tracks)
-        shift = np.linalg.norm((tracks - self._corners)[kept, 0], axis=-1)
+        self._tracks = np.where(kept[:, None], pixels, self._tracks)
+        shift = np.linalg.norm((pixels - self._corners)[kept], axis=-1)
         return bool(np.quantile(shift, MOVED_QUANTILE) > self._share * gray.shape[1])
-
-
-def _corners(gray: Gray) -> NDArray[np.float32]:
-    found = cv2.goodFeaturesToTrack(gray, MAX_CORNERS, CORNER_QUALITY, CORNER_DISTANCE_PX)
-    if found is None:
-        return np.zeros((0, 1, 2), dtype=np.float32)
-    return np.asarray(found, dtype=np.float32)

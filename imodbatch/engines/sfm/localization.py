@@ -10,19 +10,19 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.frames import invert
 from imodbatch.engines.rgbd import RgbdFrames
+from imodbatch.engines.rgbd.flow import track
+from imodbatch.engines.rgbd.gray import read_gray
 from imodbatch.engines.sfm.colmap import SEED, Progress, colmap_camera, pycolmap
 from imodbatch.engines.sfm.depth_adjustment import settle_on, target
-from imodbatch.engines.sfm.gray import HALF_PX, read_gray
 from imodbatch.engines.sfm.mapping import Model, Sights
 
 Array = NDArray[np.float64]
-WINDOW_PX = (21, 21)
+WINDOW_PX = 21
 PYRAMID_LEVELS = 3
 MIN_TRACKS, MAX_TRACKS = 30, 300  # per keyframe; more only cost time
 MIN_INLIER_SHARE = 0.5
@@ -86,27 +86,17 @@ def _follow(
     if template is None:
         return
     rows = np.unique(np.linspace(0, len(sights.pixels) - 1, MAX_TRACKS).astype(int))
-    start = (sights.pixels[rows] - HALF_PX).astype(np.float32).reshape(-1, 1, 2)
-    tracks, followed = start, sights.take(rows)
+    start = tracks = sights.pixels[rows]
+    followed = sights.take(rows)
     for position in positions:
         gray = read_gray(frames, position)
         if gray is None:
             continue
         if len(start) < MIN_TRACKS:
             return
-        tracks, found, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]
-            template,
-            gray,
-            start,
-            tracks.copy(),
-            winSize=WINDOW_PX,
-            maxLevel=PYRAMID_LEVELS,
-            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-        )
-        kept = found[:, 0] == 1
+        tracks, kept = track(template, gray, start, tracks, WINDOW_PX, PYRAMID_LEVELS)
         start, tracks, followed = start[kept], tracks[kept], followed.take(kept)
-        pixels = tracks[:, 0].astype(np.float64) + HALF_PX
-        yield position, replace(followed, pixels=pixels)
+        yield position, replace(followed, pixels=tracks)
 
 
 def _together(parts: list[Sights]) -> Sights:

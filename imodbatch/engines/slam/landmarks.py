@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.frames import apply, invert
-from imodbatch.engines.slam.features import SCALE_FACTOR, Features
-from imodbatch.engines.slam.matching import Expected
+from imodbatch.engines.rgbd.adjustment import Tie
+from imodbatch.engines.rgbd.features import SCALE_FACTOR
+from imodbatch.engines.rgbd.matching import Expected
+from imodbatch.engines.slam.frame import Frame
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -15,6 +17,16 @@ NO_POINT = -1
 MIN_SHARED = 15
 MAX_NEIGHBOURS = 12
 MAX_VIEW_ANGLE_COS = 0.5
+POINT = np.dtype(
+    [
+        ("position", np.float64, 3),  # in the world
+        ("descriptor", np.uint64, 4),
+        ("octave", np.int64),
+        ("distance", np.float64),  # from which the keyframe that made it saw it
+        ("direction", np.float64, 3),  # from there to here, of length 1
+        ("anchor", np.int64),  # that keyframe
+    ]
+)
 
 
 @dataclass
@@ -23,7 +35,7 @@ class Keyframe:
 
     Attributes:
         position: of the frame in the sequence.
-        features: its features.
+        frame: what it offers.
         cam_from_world: (4, 4), changed by refinement.
         point_ids: (N,) map point of each feature, `NO_POINT` = none.
         part: which connected part of the map it belongs to.
@@ -31,7 +43,7 @@ class Keyframe:
     """
 
     position: int
-    features: Features
+    frame: Frame
     cam_from_world: Array
     point_ids: Indices
     part: int
@@ -44,33 +56,38 @@ class Keyframe:
 
 
 class Landmarks:
-    """Map points as arrays that grow, and keyframes as a list."""
+    """Map points as an array that grows, keyframes and the ties between them as lists."""
 
     def __init__(self) -> None:
         self.keyframes: list[Keyframe] = []
+        self.ties: list[Tie] = []
         self.n_points = 0
-        self._positions = np.zeros((1024, 3))
-        self._descriptors = np.zeros((1024, 4), dtype=np.uint64)
-        self._octave = np.zeros(1024, dtype=np.int64)
-        self._distance = np.zeros(1024)
-        self._direction = np.zeros((1024, 3))
-        self._anchor = np.zeros(1024, dtype=np.int64)
+        self._points = np.zeros(1024, POINT)
 
     @property
     def positions(self) -> Array:
         """Places (P, 3) in the world, to be written to by refinement."""
-        return self._positions[: self.n_points]
+        return self._points["position"][: self.n_points]
 
     @property
     def anchor(self) -> Indices:
         """(P,) the keyframe that made each point."""
-        return self._anchor[: self.n_points]
+        return self._points["anchor"][: self.n_points]
+
+    @property
+    def cam_from_world(self) -> Array:
+        """Poses (K, 4, 4) of the keyframes."""
+        return np.stack([k.cam_from_world for k in self.keyframes])
+
+    def part(self, number: int) -> list[int]:
+        """The keyframes of a connected part of the map."""
+        return [k for k, keyframe in enumerate(self.keyframes) if keyframe.part == number]
 
     def add_keyframe(self, keyframe: Keyframe) -> int:
         """Append a keyframe, make points of its features that have depth and no point yet."""
         number = len(self.keyframes)
         self.keyframes.append(keyframe)
-        fresh = np.flatnonzero((keyframe.point_ids == NO_POINT) & keyframe.features.has_depth)
+        fresh = np.flatnonzero((keyframe.point_ids == NO_POINT) & keyframe.frame.features.has_depth)
         keyframe.point_ids[fresh] = self._add_points(number, keyframe, fresh)
         self.update_neighbours(number)
         return number
@@ -78,25 +95,18 @@ class Landmarks:
     def _add_points(self, number: int, keyframe: Keyframe, rows: Indices) -> Indices:
         ids = np.arange(self.n_points, self.n_points + len(rows))
         self.n_points += len(rows)
-        self._reserve(self.n_points)
-        points_cam = keyframe.features.points_cam[rows]
-        world_from_cam = invert(keyframe.cam_from_world)
+        while len(self._points) < self.n_points:
+            self._points = np.concatenate([self._points, np.zeros_like(self._points)])
+        features, world_from_cam = keyframe.frame.features, invert(keyframe.cam_from_world)
+        points_cam = features.points_cam[rows]
         distance = np.linalg.norm(points_cam, axis=1)
-        self._positions[ids] = apply(world_from_cam, points_cam)
-        self._descriptors[ids] = keyframe.features.descriptors[rows]
-        self._octave[ids] = keyframe.features.octave[rows]
-        self._distance[ids] = distance
-        self._direction[ids] = (points_cam / distance[:, None]) @ world_from_cam[:3, :3].T
-        self._anchor[ids] = number
+        self._points["position"][ids] = apply(world_from_cam, points_cam)
+        self._points["descriptor"][ids] = features.descriptors[rows]
+        self._points["octave"][ids] = features.octave[rows]
+        self._points["distance"][ids] = distance
+        self._points["direction"][ids] = points_cam / distance[:, None] @ world_from_cam[:3, :3].T
+        self._points["anchor"][ids] = number
         return ids
-
-    def _reserve(self, n: int) -> None:
-        while len(self._anchor) < n:
-            for name in (
-                "_positions", "_descriptors", "_octave", "_distance", "_direction", "_anchor"
-            ):  # fmt: skip
-                array = getattr(self, name)
-                setattr(self, name, np.concatenate([array, np.zeros_like(array)]))
 
     def mask(self, ids: Indices) -> NDArray[np.bool_]:
         """(P,) True for these points."""
@@ -131,20 +141,24 @@ class Landmarks:
             the points that lie in front of it and are seen from a like side, their places in the
             camera, and how they should appear. Pixels may lie outside the image.
         """
-        points_cam = apply(cam_from_world, self._positions[ids])
+        points = self._points[ids]
+        points_cam = apply(cam_from_world, points["position"])
         distance = np.linalg.norm(points_cam, axis=1)
         view = points_cam @ cam_from_world[:3, :3]
-        alike = (view * self._direction[ids]).sum(axis=1) > MAX_VIEW_ANGLE_COS * distance
+        alike = (view * points["direction"]).sum(axis=1) > MAX_VIEW_ANGLE_COS * distance
         kept = np.flatnonzero((points_cam[:, 2] > 0.1) & alike)
-        ids = ids[kept]
-        nearer = np.log(self._distance[ids] / distance[kept]) / np.log(SCALE_FACTOR)
-        octave = self._octave[ids] + nearer
-        return ids, points_cam[kept], Expected(np.zeros((0, 2)), octave, self._descriptors[ids])
+        points = points[kept]
+        octave = points["octave"] + np.log(points["distance"] / distance[kept]) / np.log(
+            SCALE_FACTOR
+        )
+        expected = Expected(np.zeros((0, 2)), octave, points["descriptor"])
+        return ids[kept], points_cam[kept], expected
 
     def carry(self, ids: Indices, new_from_old: Array) -> None:
         """Move points (P,), and the sides they are seen from, by a transform (4, 4)."""
-        self._positions[ids] = apply(new_from_old, self._positions[ids])
-        self._direction[ids] = self._direction[ids] @ new_from_old[:3, :3].T
+        position, direction = self._points["position"], self._points["direction"]
+        position[ids] = apply(new_from_old, position[ids])
+        direction[ids] = direction[ids] @ new_from_old[:3, :3].T
 
     def merge(self, kept: Indices, dropped: Indices) -> None:
         """Make one point of two, pair by pair; what saw the second now sees the first."""

@@ -1,25 +1,22 @@
 """Closing loops: an old place seen again pulls the path together, or joins two parts of the map."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import invert, orthonormal, twist_between
+from imodbatch.core.pairs import nearest_views
 from imodbatch.engines.open3d_library import open3d
-from imodbatch.engines.slam.landmarks import NO_POINT, Keyframe, Landmarks
+from imodbatch.engines.rgbd.registration import settle
+from imodbatch.engines.slam.landmarks import NO_POINT, Landmarks
 from imodbatch.engines.slam.places import Places
-from imodbatch.engines.slam.refinement import Tie, move_keyframe
-from imodbatch.engines.slam.registration import settle
-from imodbatch.engines.slam.surfaces import Surface
-from imodbatch.engines.slam.tracking import Frame, Located, recognise
+from imodbatch.engines.slam.refinement import move_keyframe
+from imodbatch.engines.slam.tracking import Located, recognise
 
 Array = NDArray[np.float64]
 N_ALIKE, N_NEAR = 3, 2
-NEAR_M, NEAR_DEG = 1.0, 45.0
 MIN_FITTING = 30
 MIN_MET, MIN_SURFACE_FIT = 0.25, 0.6
 MIN_SHARED_EDGE, EDGE_SIGMA = 30, 0.004
@@ -46,31 +43,25 @@ class Loop:
     correction_rad: float
 
 
-def find_loop(
-    landmarks: Landmarks,
-    frames: Sequence[Frame],
-    surfaces: Sequence[Surface],
-    places: Places,
-    camera: PinholeCamera,
-    new: int,
-) -> Loop | None:
+def find_loop(landmarks: Landmarks, places: Places, new: int) -> Loop | None:
     """The first older place, of those that look alike or should lie near, that proves the same."""
-    frame, keyframe = frames[new], landmarks.keyframes[new]
-    for old in _candidates(landmarks, places, frame, new):
+    keyframes = landmarks.keyframes
+    frame = keyframes[new].frame
+    for old in _candidates(landmarks, places, new):
         nearby = landmarks.points_of(landmarks.surroundings(old))
-        located = recognise(frame, landmarks, landmarks.keyframes[old], nearby)
+        located = recognise(frame, landmarks, keyframes[old], nearby)
         if located is None or len(located.rows) < MIN_FITTING:
             continue
         settled = settle(
-            camera,
+            frame.camera,
             located.cam_from_world,
-            frame.sightings(landmarks, located.point_ids, located.rows),
-            surfaces[new].samples,
-            [(surfaces[old], landmarks.keyframes[old].cam_from_world)],
+            frame.sightings(landmarks.positions[located.point_ids], located.rows),
+            frame.surface.samples,
+            [(keyframes[old].frame.surface, keyframes[old].cam_from_world)],
         )
         if settled.met < MIN_MET or settled.fitting < MIN_SURFACE_FIT:
             continue
-        away = twist_between(settled.cam_from_world, keyframe.cam_from_world)
+        away = twist_between(settled.cam_from_world, keyframes[new].cam_from_world)
         return Loop(
             old,
             new,
@@ -83,12 +74,13 @@ def find_loop(
     return None
 
 
-def _candidates(landmarks: Landmarks, places: Places, frame: Frame, new: int) -> list[int]:
+def _candidates(landmarks: Landmarks, places: Places, new: int) -> list[int]:
     """Older keyframes that do not share points with this one yet."""
-    known = {new, *landmarks.keyframes[new].neighbours}
-    for k in landmarks.keyframes[new].neighbours[:3]:
+    keyframe = landmarks.keyframes[new]
+    known = {new, *keyframe.neighbours}
+    for k in keyframe.neighbours[:3]:
         known |= set(landmarks.keyframes[k].neighbours)
-    scores = places.scores(frame.features.descriptors)
+    scores = places.scores(keyframe.frame.features.descriptors)
     scores[list(known)] = 0
     typical = float(np.median(scores[scores > 0])) if (scores > 0).any() else 0.0
     alike = [int(k) for k in np.argsort(-scores)[:N_ALIKE] if scores[k] > 1.2 * typical]
@@ -99,57 +91,42 @@ def _candidates(landmarks: Landmarks, places: Places, frame: Frame, new: int) ->
 def nearest(landmarks: Landmarks, new: int) -> list[int]:
     """Keyframes of the same part that look at the same side from nearby, nearest first."""
     keyframes = landmarks.keyframes
-    found = nearest_views(np.stack([k.cam_from_world for k in keyframes]), new)
+    found = nearest_views(invert(landmarks.cam_from_world), new)
     return [k for k in found if keyframes[k].part == keyframes[new].part]
-
-
-def nearest_views(cam_from_world: Array, number: int) -> list[int]:
-    """Those of K cameras (K, 4, 4) that look at the same side from nearby as one, nearest first."""
-    world_from_cam = invert(cam_from_world)
-    distance = np.linalg.norm(world_from_cam[:, :3, 3] - world_from_cam[number, :3, 3], axis=1)
-    cosine = world_from_cam[:, :3, 2] @ world_from_cam[number, :3, 2]
-    fits = (distance < NEAR_M) & (cosine > np.cos(np.radians(NEAR_DEG)))
-    return [int(k) for k in np.argsort(distance, kind="stable") if fits[k] and k != number]
 
 
 def join_parts(landmarks: Landmarks, loop: Loop) -> None:
     """Carry the new keyframe's whole part over to the old one's world."""
     old, new = landmarks.keyframes[loop.old], landmarks.keyframes[loop.new]
-    then_from_now = invert(loop.cam_from_world) @ new.cam_from_world
-    joined = [k for k, key in enumerate(landmarks.keyframes) if key.part == new.part]
-    everything = np.ones(landmarks.n_points, dtype=np.bool_)
-    for k in joined:
+    now_from_then = invert(new.cam_from_world) @ loop.cam_from_world
+    for k in landmarks.part(new.part):
         keyframe = landmarks.keyframes[k]
-        moved = orthonormal(keyframe.cam_from_world @ invert(then_from_now))
-        move_keyframe(landmarks, k, moved, everything)
+        move_keyframe(landmarks, k, orthonormal(keyframe.cam_from_world @ now_from_then))
         keyframe.part = old.part
 
 
-def spread_correction(landmarks: Landmarks, ties: Sequence[Tie], loop: Loop) -> None:
+def spread_correction(landmarks: Landmarks, loop: Loop) -> None:
     """Pose graph optimisation (open3d): every keyframe of the part gives way a little.
 
     Edges are the present relative poses of keyframes that share points or a tie, and the loop.
     """
-    o3d = open3d()
-    registration = o3d.pipelines.registration
-    part = landmarks.keyframes[loop.new].part
-    numbers = [k for k, key in enumerate(landmarks.keyframes) if key.part == part]
+    registration = open3d().pipelines.registration
+    keyframes = landmarks.keyframes
+    numbers = landmarks.part(keyframes[loop.new].part)
     node = {k: n for n, k in enumerate(numbers)}
     graph = registration.PoseGraph()
     for k in numbers:
-        world_from_cam = invert(landmarks.keyframes[k].cam_from_world)
-        graph.nodes.append(registration.PoseGraphNode(world_from_cam))
-    for (a, b), information in _edges(landmarks, ties, numbers).items():
-        # open3d's edge takes its source to its target
-        b_from_a = _between(landmarks.keyframes[b], landmarks.keyframes[a])
-        edge = registration.PoseGraphEdge(node[a], node[b], b_from_a, information, uncertain=False)
-        graph.edges.append(edge)
-    old_from_new = landmarks.keyframes[loop.old].cam_from_world @ invert(loop.cam_from_world)
-    graph.edges.append(
-        registration.PoseGraphEdge(
-            node[loop.new], node[loop.old], old_from_new, _open3d_order(loop.information), False
+        graph.nodes.append(registration.PoseGraphNode(invert(keyframes[k].cam_from_world)))
+    edges = [
+        (a, b, orthonormal(keyframes[b].cam_from_world @ invert(keyframes[a].cam_from_world)), held)
+        for (a, b), held in _edges(landmarks, numbers).items()
+    ]
+    old_from_new = keyframes[loop.old].cam_from_world @ invert(loop.cam_from_world)
+    edges.append((loop.new, loop.old, old_from_new, _open3d_order(loop.information)))
+    for a, b, b_from_a, information in edges:  # open3d's edge takes its source to its target
+        graph.edges.append(
+            registration.PoseGraphEdge(node[a], node[b], b_from_a, information, uncertain=False)
         )
-    )
     registration.global_optimization(
         graph,
         registration.GlobalOptimizationLevenbergMarquardt(),
@@ -158,28 +135,18 @@ def spread_correction(landmarks: Landmarks, ties: Sequence[Tie], loop: Loop) -> 
             max_correspondence_distance=0.05, edge_prune_threshold=0.0, reference_node=0
         ),
     )
-    everything = np.ones(landmarks.n_points, dtype=np.bool_)
     for k, found in zip(numbers, graph.nodes, strict=True):
-        cam_from_world = orthonormal(invert(np.asarray(found.pose)))
-        move_keyframe(landmarks, k, cam_from_world, everything)
+        move_keyframe(landmarks, k, orthonormal(invert(np.asarray(found.pose))))
 
 
-def _between(target: Keyframe, source: Keyframe) -> Array:
-    return orthonormal(target.cam_from_world @ invert(source.cam_from_world))
-
-
-def _edges(
-    landmarks: Landmarks, ties: Sequence[Tie], numbers: list[int]
-) -> dict[tuple[int, int], Array]:
+def _edges(landmarks: Landmarks, numbers: list[int]) -> dict[tuple[int, int], Array]:
     """Pairs of keyframes that hold together, with open3d's information matrices.
 
     As many shared points as an edge needs count as one feature of one pixel at two metres: 4 mm,
     and as much of an arc. Their errors go together, for that is what drift is; were they taken as
     independent, the edges along the way would outweigh the loop.
     """
-    found: dict[tuple[int, int], Array] = {}
-    for a, b in pairwise(numbers):
-        found[a, b] = 1e4 * np.eye(6)
+    found = {pair: 1e4 * np.eye(6) for pair in pairwise(numbers)}
     for k in numbers:
         for other in landmarks.keyframes[k].neighbours:
             if landmarks.keyframes[other].part != landmarks.keyframes[k].part:
@@ -189,7 +156,7 @@ def _edges(
             if n_shared >= MIN_SHARED_EDGE:
                 pair = (min(k, other), max(k, other))
                 found[pair] = n_shared / MIN_SHARED_EDGE / EDGE_SIGMA**2 * np.eye(6)
-    for t in ties:
+    for t in landmarks.ties:
         pair = (min(t.first, t.second), max(t.first, t.second))
         if pair in found:
             found[pair] = found[pair] + _open3d_order(t.information)

@@ -9,18 +9,19 @@ from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage
 from imodbatch.core.frames import apply, invert, orthonormal, twist_between
 from imodbatch.core.trajectory import DENSE, LOST, TRACKED
+from imodbatch.engines.rgbd.features import FeatureExtractor
+from imodbatch.engines.rgbd.gray import Gray
+from imodbatch.engines.rgbd.registration import bind, settle
+from imodbatch.engines.rgbd.surfaces import SOURCE_STEP, surface
 from imodbatch.engines.slam import loops
 from imodbatch.engines.slam.dense import dense_motion
-from imodbatch.engines.slam.features import FeatureExtractor, Features
+from imodbatch.engines.slam.frame import Frame, Seen
 from imodbatch.engines.slam.landmarks import NO_POINT, Keyframe, Landmarks
 from imodbatch.engines.slam.places import Places
-from imodbatch.engines.slam.refinement import Tie, bind, refine_all, refine_around
-from imodbatch.engines.slam.registration import settle
-from imodbatch.engines.slam.surfaces import SOURCE_STEP, Surface, surface
-from imodbatch.engines.slam.tracking import Frame, Located, better, follow, recognise
+from imodbatch.engines.slam.refinement import refine_all, refine_around
+from imodbatch.engines.slam.tracking import Located, better, follow, recognise
 
 Array = NDArray[np.float64]
-GrayImage = NDArray[np.uint8]
 MIN_TO_START = 100
 MIN_DEPTH_SHARE = 0.2
 FRAMES_BEFORE_RESTART = 3
@@ -30,22 +31,6 @@ NEW_KEYFRAME_SHARE = 0.7
 MAX_SHIFT_SHARE, MAX_TURN_RAD = 0.12, np.radians(10.0)
 N_TARGETS, N_TIES, N_LATE_TIES = 2, 3, 4
 CLEAR_LOOP_M, CLEAR_LOOP_RAD = 0.03, np.radians(1.5)
-
-
-@dataclass(frozen=True)
-class Seen:
-    """A frame as it came in."""
-
-    position: int
-    gray: GrayImage
-    depth_m: DepthImage
-    frame: Frame
-    surface: Surface
-
-    @property
-    def features(self) -> Features:
-        """Its features."""
-        return self.frame.features
 
 
 @dataclass(frozen=True)
@@ -74,9 +59,6 @@ class Mapper:
 
     def __post_init__(self) -> None:
         self._extractor = FeatureExtractor(self.camera, self.n_features)
-        self._frames: list[Frame] = []
-        self._surfaces: list[Surface] = []
-        self._ties: list[Tie] = []
         self._places = Places()
         self._reference = -1
         self._local = self._recent = np.zeros(0, dtype=np.int64)
@@ -86,24 +68,19 @@ class Mapper:
         self._n_failed = 0
         self._n_parts = 0
 
-    def add(self, gray: GrayImage | None, depth_m: DepthImage | None) -> None:
+    def add(self, gray: Gray | None, depth_m: DepthImage | None) -> None:
         """Locate the next frame; None = no such image."""
         if gray is None or depth_m is None:
             self._give_up(None)
             return
         features = self._extractor.extract(gray, depth_m)
-        seen = Seen(
-            len(self.records),
-            gray,
-            depth_m,
-            Frame(features, self.camera),
-            surface(depth_m, self.camera),
-        )
+        frame = Frame(features, surface(depth_m, self.camera), self.camera)
+        seen = Seen(gray, depth_m, frame)
         if self._last is None:
-            located = self._relocalise(seen)
+            located = self._relocalise(frame)
             self.n_relocalised += located is not None
         else:
-            located = self._follow(seen)
+            located = self._follow(frame)
         if located is not None:
             self._accept(seen, located)
         elif not self._go_on_densely(seen):
@@ -113,11 +90,11 @@ class Mapper:
         """Refine each part of the map as a whole."""
         self._bind_what_overlaps()
         for part in sorted({k.part for k in self.landmarks.keyframes}):
-            refine_all(self.landmarks, self._frames, self._ties, self.camera, part)
+            refine_all(self.landmarks, part)
 
     def _bind_what_overlaps(self) -> None:
         """Tie keyframes that look at the same side from nearby and share few points or none."""
-        bound = {(min(t.first, t.second), max(t.first, t.second)) for t in self._ties}
+        bound = {(min(t.first, t.second), max(t.first, t.second)) for t in self.landmarks.ties}
         for number, keyframe in enumerate(self.landmarks.keyframes):
             near = loops.nearest(self.landmarks, number)
             strangers = [k for k in near if k not in keyframe.neighbours]
@@ -127,23 +104,23 @@ class Mapper:
                     bound.add(pair)
                     self._bind(*pair)
 
-    def _follow(self, seen: Seen) -> Located | None:
+    def _follow(self, frame: Frame) -> Located | None:
         """Near where the camera should be by its motion, or as seen from the reference."""
         guesses = [self._motion @ self._pose, self._pose]
         enough = int(DOUBTFUL_SHARE * self._n_fitting)
-        located = follow(seen.frame, self.landmarks, self._recent, self._local, guesses, enough)
+        located = follow(frame, self.landmarks, self._recent, self._local, guesses, enough)
         if located is None or len(located.rows) < enough:
             keyframe = self.landmarks.keyframes[self._reference]
-            located = better(located, recognise(seen.frame, self.landmarks, keyframe, self._local))
+            located = better(located, recognise(frame, self.landmarks, keyframe, self._local))
         return located
 
-    def _relocalise(self, seen: Seen) -> Located | None:
+    def _relocalise(self, frame: Frame) -> Located | None:
         """Somewhere in the map, by places that look alike."""
-        scores = self._places.scores(seen.features.descriptors)
+        scores = self._places.scores(frame.features.descriptors)
         for k in np.argsort(-scores)[:N_RECOGNISED]:
             keyframe = self.landmarks.keyframes[k]
             nearby = self.landmarks.points_of(self.landmarks.surroundings(int(k)))
-            located = recognise(seen.frame, self.landmarks, keyframe, nearby)
+            located = recognise(frame, self.landmarks, keyframe, nearby)
             if located is not None:
                 self._refer_to(int(k))
                 return located
@@ -151,27 +128,25 @@ class Mapper:
 
     def _accept(self, seen: Seen, located: Located) -> None:
         """Settle a located frame on the surfaces too, and keep it as a keyframe if it is new."""
-        numbers = [self._reference, *self.landmarks.keyframes[self._reference].neighbours]
+        keyframes, frame = self.landmarks.keyframes, seen.frame
+        around = [keyframes[k] for k in self.landmarks.surroundings(self._reference)[:N_TARGETS]]
         settled = settle(
             self.camera,
             located.cam_from_world,
-            seen.frame.sightings(self.landmarks, located.point_ids, located.rows),
-            seen.surface.samples,
-            [
-                (self._surfaces[k], self.landmarks.keyframes[k].cam_from_world)
-                for k in numbers[:N_TARGETS]
-            ],
+            frame.sightings(self.landmarks.positions[located.point_ids], located.rows),
+            frame.surface.samples,
+            [(keyframe.frame.surface, keyframe.cam_from_world) for keyframe in around],
         )
         self._move_to(seen, settled.cam_from_world)
         self._recent = located.point_ids
         self._n_fitting = len(located.rows)
         self._most_fitting = max(self._most_fitting, self._n_fitting)
         if self._is_new():
-            point_ids = np.full(len(seen.features), NO_POINT, dtype=np.int64)
+            point_ids = np.full(len(frame.features), NO_POINT, dtype=np.int64)
             point_ids[located.rows] = located.point_ids
-            self._keep(seen, point_ids, self.landmarks.keyframes[self._reference].part)
+            self._keep(frame, point_ids, keyframes[self._reference].part)
             self._refine_and_close()
-            self._pose = self.landmarks.keyframes[self._reference].cam_from_world
+            self._pose = keyframes[self._reference].cam_from_world
             self.records.append(Record(self._reference, np.eye(4), TRACKED))
         else:
             self._record(TRACKED)
@@ -186,30 +161,26 @@ class Mapper:
         shift, turn = np.linalg.norm(away[:3]), np.linalg.norm(away[3:])
         return bool(shift > MAX_SHIFT_SHARE * distance or turn > MAX_TURN_RAD)
 
-    def _keep(self, seen: Seen, point_ids: NDArray[np.int64], part: int) -> None:
-        keyframe = Keyframe(seen.position, seen.features, self._pose, point_ids, part)
+    def _keep(self, frame: Frame, point_ids: NDArray[np.int64], part: int) -> None:
+        keyframe = Keyframe(len(self.records), frame, self._pose, point_ids, part)
         number = self.landmarks.add_keyframe(keyframe)
-        self._frames.append(seen.frame)
-        self._surfaces.append(seen.surface)
-        self._places.add(seen.features.descriptors)
+        self._places.add(frame.features.descriptors)
         for other in keyframe.neighbours[:N_TIES]:
             self._bind(other, number)
         self._refer_to(number)
 
     def _bind(self, first: int, second: int) -> None:
         """Tie two keyframes by their surfaces, where these overlap."""
-        poses = [k.cam_from_world for k in self.landmarks.keyframes]
-        found = bind(self._surfaces, poses, first, second)
+        surfaces = [k.frame.surface for k in self.landmarks.keyframes]
+        found = bind(surfaces, self.landmarks.cam_from_world, first, second)
         if found is not None:
-            self._ties.append(found)
+            self.landmarks.ties.append(found)
 
     def _refine_and_close(self) -> None:
         """Refine the window of the newest keyframe; pull a loop together if it closes one."""
         number = self._reference
-        refine_around(self.landmarks, self._frames, self._ties, self.camera, number)
-        loop = loops.find_loop(
-            self.landmarks, self._frames, self._surfaces, self._places, self.camera, number
-        )
+        refine_around(self.landmarks, number)
+        loop = loops.find_loop(self.landmarks, self._places, number)
         if loop is None:
             return
         self.n_loops += 1
@@ -219,11 +190,11 @@ class Mapper:
         else:
             self.largest_correction_m = max(self.largest_correction_m, loop.correction_m)
             if loop.correction_m > CLEAR_LOOP_M or loop.correction_rad > CLEAR_LOOP_RAD:
-                loops.spread_correction(self.landmarks, self._ties, loop)
+                loops.spread_correction(self.landmarks, loop)
         loops.fuse_points(self.landmarks, loop)
         self.landmarks.update_neighbours(number)
         self._bind(loop.old, number)
-        refine_around(self.landmarks, self._frames, self._ties, self.camera, number)
+        refine_around(self.landmarks, number)
         self._refer_to(number)
 
     def _refer_to(self, number: int) -> None:
@@ -250,12 +221,7 @@ class Mapper:
         last = self._last
         if last is None or not _has_depth(seen):
             return False
-        new_from_last = dense_motion(
-            self.camera,
-            (last.gray, seen.gray),
-            (last.depth_m, seen.depth_m),
-            (last.surface, seen.surface),
-        )
+        new_from_last = dense_motion(last, seen)
         if new_from_last is None:
             return False
         self._move_to(seen, new_from_last @ self._pose)
@@ -276,10 +242,11 @@ class Mapper:
     def _start(self, seen: Seen) -> None:
         self._pose = np.eye(4)
         self._move_to(seen, np.eye(4))
-        self._keep(seen, np.full(len(seen.features), NO_POINT, dtype=np.int64), self._n_parts)
+        features = seen.frame.features
+        self._keep(seen.frame, np.full(len(features), NO_POINT, dtype=np.int64), self._n_parts)
         self._n_parts += 1
         self._n_fitting = 0
-        has_features = seen.features.has_depth.sum() >= MIN_TO_START
+        has_features = features.has_depth.sum() >= MIN_TO_START
         self._record(TRACKED if has_features else DENSE)
 
     def status(self) -> NDArray[np.str_]:
@@ -289,4 +256,4 @@ class Mapper:
 
 def _has_depth(seen: Seen) -> bool:
     n_samples = seen.gray.size / SOURCE_STEP**2
-    return len(seen.surface.samples) >= MIN_DEPTH_SHARE * n_samples
+    return len(seen.frame.surface.samples) >= MIN_DEPTH_SHARE * n_samples

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,11 +12,12 @@ from imodbatch.core.depth import DepthImage
 from imodbatch.core.frames import invert
 from imodbatch.core.trajectory import LOST, FramePoses, Trajectory
 from imodbatch.engines.rgbd import RgbdFrames
-from imodbatch.engines.slam.mapping import GrayImage, Mapper
+from imodbatch.engines.rgbd.gray import Gray, read_gray
+from imodbatch.engines.slam.mapping import Mapper
 from imodbatch.errors import DataError
 
 N_AHEAD = 4
-Images = tuple[GrayImage | None, DepthImage | None]
+Images = tuple[Gray | None, DepthImage | None]
 
 
 def estimate(
@@ -57,9 +57,7 @@ def _read_ahead(frames: RgbdFrames) -> Iterator[Images]:
     """Images in order; the next ones are read while one is worked on."""
 
     def read(position: int) -> Images:
-        color = frames.read_color(position)
-        gray = None if color is None else cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
-        return gray, frames.read_depth(position)
+        return read_gray(frames, position), frames.read_depth(position)
 
     with ThreadPoolExecutor(1) as pool:
         coming: list[Future[Images]] = []

@@ -9,7 +9,7 @@ counting more (inverse document frequency, Sivic & Zisserman 2003).
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.engines.slam.matching import Descriptors
+from imodbatch.engines.rgbd.matching import Descriptors
 
 N_SETS, N_BITS = 6, 14
 

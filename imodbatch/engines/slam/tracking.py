@@ -5,17 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.core.camera import PinholeCamera
-from imodbatch.engines.slam import measurement
-from imodbatch.engines.slam.features import Features
+from imodbatch.engines.rgbd.matching import Expected, mutual_matches, projection_matches
+from imodbatch.engines.rgbd.resection import ransac, refine
+from imodbatch.engines.slam.frame import Frame
 from imodbatch.engines.slam.landmarks import NO_POINT, Keyframe, Landmarks
-from imodbatch.engines.slam.matching import (
-    Expected,
-    FeatureGrid,
-    mutual_matches,
-    projection_matches,
-)
-from imodbatch.engines.slam.resection import Sightings, ransac, refine
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -37,21 +30,6 @@ class Located:
     cam_from_world: Array
     point_ids: Indices
     rows: Indices
-
-
-class Frame:
-    """A frame's features, its buckets and measurements."""
-
-    def __init__(self, features: Features, camera: PinholeCamera) -> None:
-        self.features = features
-        self.camera = camera
-        self.grid = FeatureGrid(features, camera.width_px, camera.height_px)
-        self.measurements = measurement.measured(features.pixels, features.points_cam)
-        self.sigma = measurement.sigmas(self.measurements, features.octave)
-
-    def sightings(self, landmarks: Landmarks, ids: Indices, rows: Indices) -> Sightings:
-        """These features see these points."""
-        return Sightings(landmarks.positions[ids], self.measurements[rows], self.sigma[rows])
 
 
 def follow(
@@ -100,7 +78,7 @@ def _fit(
     ids = ids[point]
     if len(ids) < MIN_FITTING:
         return None
-    pose, good = refine(camera, cam_from_world, frame.sightings(landmarks, ids, row))
+    pose, good = refine(camera, cam_from_world, frame.sightings(landmarks.positions[ids], row))
     if good.sum() < MIN_FITTING:
         return None
     return Located(pose, ids[good], row[good])
@@ -119,17 +97,17 @@ def recognise(
             them.
     """
     usable = np.flatnonzero(keyframe.point_ids != NO_POINT)
-    a, b = mutual_matches(keyframe.features.descriptors[usable], frame.features.descriptors)
+    a, b = mutual_matches(keyframe.frame.features.descriptors[usable], frame.features.descriptors)
     if len(a) < MIN_MATCHES_TO_START:
         return None
     ids = keyframe.point_ids[usable[a]]
-    start = ransac(frame.camera, landmarks.positions[ids], frame.features.pixels[b])
+    points = landmarks.positions[ids]
+    start = ransac(frame.camera, points, frame.features.pixels[b])
     if start is None or start[1].sum() < MIN_MATCHES_TO_START:
         return None
     cam_from_world, agrees = start
-    cam_from_world, good = refine(
-        frame.camera, cam_from_world, frame.sightings(landmarks, ids[agrees], b[agrees])
-    )
+    seen = frame.sightings(points[agrees], b[agrees])
+    cam_from_world, good = refine(frame.camera, cam_from_world, seen)
     if good.sum() < MIN_MATCHES_TO_START:
         return None
     return _fit(frame, landmarks, nearby, cam_from_world, CLOSE_PX)

@@ -5,12 +5,14 @@ import pytest
 from rooms import CAMERA, Room, filmed, look, off, render
 
 from imodbatch.core.frames import apply, exp_twist, invert
-from imodbatch.engines.slam.features import FeatureExtractor, Features
+from imodbatch.engines.rgbd.features import FeatureExtractor, Features
+from imodbatch.engines.rgbd.matching import hamming
+from imodbatch.engines.rgbd.surfaces import surface
+from imodbatch.engines.slam.frame import Frame
 from imodbatch.engines.slam.landmarks import MIN_SHARED, NO_POINT, Keyframe, Landmarks
-from imodbatch.engines.slam.matching import hamming
 from imodbatch.engines.slam.places import Places
 from imodbatch.engines.slam.refinement import move_keyframe, refine_around
-from imodbatch.engines.slam.tracking import MIN_FITTING, Frame, follow, recognise
+from imodbatch.engines.slam.tracking import MIN_FITTING, follow, recognise
 
 
 def features(rng, n, share_with_depth=1.0):
@@ -24,10 +26,14 @@ def features(rng, n, share_with_depth=1.0):
     )
 
 
+NOWHERE = surface(np.full((240, 320), np.nan, dtype=np.float32), CAMERA)
+
+
 def add(landmarks, some, point_ids=None, pose=None, part=0):
     ids = np.full(len(some), NO_POINT) if point_ids is None else np.array(point_ids)
     pose = np.eye(4) if pose is None else pose
-    return landmarks.add_keyframe(Keyframe(len(landmarks.keyframes), some, pose, ids, part))
+    frame = Frame(some, NOWHERE, CAMERA)
+    return landmarks.add_keyframe(Keyframe(len(landmarks.keyframes), frame, pose, ids, part))
 
 
 def test_a_keyframe_makes_points_of_what_has_depth():
@@ -120,7 +126,7 @@ def test_a_keyframe_moves_with_its_points_and_the_sides_they_are_seen_from():
     landmarks, some = Landmarks(), features(np.random.default_rng(7), 50)
     add(landmarks, some)
     elsewhere = exp_twist(np.array([3.0, -1, 2, 0.4, 2.5, -0.3]))
-    move_keyframe(landmarks, 0, elsewhere, np.ones(50, dtype=bool))
+    move_keyframe(landmarks, 0, elsewhere)
     assert apply(elsewhere, landmarks.positions) == pytest.approx(some.points_cam)
     ids, places, _ = landmarks.expected(np.arange(50), elsewhere)
     assert len(ids) == 50
@@ -190,10 +196,9 @@ def seen_frames(positions):
     colors, depths, poses = filmed(Room(), "walk")
     extractor = FeatureExtractor(CAMERA, 600)
     found = [
-        Frame(extractor.extract(np.ascontiguousarray(colors[i][..., 0]), depths[i]), CAMERA)
-        for i in positions
+        extractor.extract(np.ascontiguousarray(colors[i][..., 0]), depths[i]) for i in positions
     ]
-    return found, invert(poses[list(positions)])
+    return [Frame(some, NOWHERE, CAMERA) for some in found], invert(poses[list(positions)])
 
 
 def mapped(frame, pose):
@@ -235,7 +240,7 @@ def test_another_room_is_neither_followed_nor_recognised():
     landmarks = mapped(one, truth[0])
     everything = np.arange(landmarks.n_points)
     shown = render(Room(seed=9), invert(truth[0]))
-    stranger = Frame(FeatureExtractor(CAMERA, 600).extract(*shown), CAMERA)
+    stranger = Frame(FeatureExtractor(CAMERA, 600).extract(*shown), NOWHERE, CAMERA)
     assert follow(stranger, landmarks, everything, everything, [truth[0]] * 2, 100) is None
     assert recognise(stranger, landmarks, landmarks.keyframes[0], everything) is None
 
@@ -244,6 +249,6 @@ def test_refining_one_keyframe_alone_changes_nothing():
     (one,), truth = seen_frames((0,))
     landmarks = mapped(one, truth[0])
     before = landmarks.positions.copy()
-    refine_around(landmarks, [one], [], CAMERA, 0)
+    refine_around(landmarks, 0)
     assert np.array_equal(landmarks.positions, before)
     assert np.array_equal(landmarks.keyframes[0].cam_from_world, truth[0])

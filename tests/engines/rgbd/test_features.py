@@ -6,7 +6,7 @@ import pytest
 from rooms import CAMERA, Room, freeze, look, render
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.engines.slam.features import CELL_PX, SCALE_FACTOR, FeatureExtractor, smooth_depth
+from imodbatch.engines.rgbd.features import CELL_PX, SCALE_FACTOR, FeatureExtractor, smooth_depth
 
 SIZE = (CAMERA.height_px, CAMERA.width_px)
 TWO_METRES = freeze(np.full(SIZE, 2.0, dtype=np.float32))

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from imodbatch.engines.slam.features import Features
-from imodbatch.engines.slam.matching import (
+from imodbatch.engines.rgbd.features import Features
+from imodbatch.engines.rgbd.matching import (
     Expected,
     FeatureGrid,
     hamming,

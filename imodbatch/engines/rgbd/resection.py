@@ -1,5 +1,6 @@
 """One camera's pose from points of known place: RANSAC to start, then robust Gauss–Newton."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import apply, exp_twist, make_transform, orthonormal
-from imodbatch.engines.slam import measurement
+from imodbatch.engines.rgbd import measurement
 
 Array = NDArray[np.float64]
 N_ROUNDS, N_ITERATIONS = 3, 5
@@ -58,20 +59,24 @@ def refine(
 
 def _descend(camera: PinholeCamera, cam_from_world: Array, seen: Sightings) -> Array:
     for _ in range(N_ITERATIONS):
-        points = apply(cam_from_world, seen.points)
-        error = measurement.residuals(camera, points, seen.measurements, seen.sigma)
-        image = measurement.image_jacobian(camera, points, seen.measurements, seen.sigma)
-        jacobian = measurement.pose_jacobian(image, points).reshape(-1, 6)
-        weight = measurement.majority_weights(error).reshape(-1, 1)
-        normal = jacobian.T @ (weight * jacobian)
-        step = -np.linalg.solve(
-            normal + 1e-6 * np.diag(np.diag(normal) + 1e-9),
-            jacobian.T @ (weight[:, 0] * error.ravel()),
-        )
+        normal, gradient = linearised(camera, cam_from_world, seen, measurement.majority_weights)
+        step = -np.linalg.solve(normal + 1e-6 * np.diag(np.diag(normal) + 1e-9), gradient)
         cam_from_world = exp_twist(step) @ cam_from_world
         if np.abs(step).max() < SETTLED:
             break
     return cam_from_world
+
+
+def linearised(
+    camera: PinholeCamera, cam_from_world: Array, seen: Sightings, weigh: Callable[[Array], Array]
+) -> tuple[Array, Array]:
+    """Normal matrix (6, 6) and gradient (6,) by a twist on the left, residuals weighed (N, 3)."""
+    points = apply(cam_from_world, seen.points)
+    error = measurement.residuals(camera, points, seen.measurements, seen.sigma)
+    image = measurement.image_jacobian(camera, points, seen.measurements, seen.sigma)
+    jacobian = measurement.pose_jacobian(image, points).reshape(-1, 6)
+    weight = weigh(error).reshape(-1, 1)
+    return jacobian.T @ (weight * jacobian), jacobian.T @ (weight[:, 0] * error.ravel())
 
 
 def ransac(
@@ -80,14 +85,10 @@ def ransac(
     """A pose without a first guess (EPnP in RANSAC), and which points (N,) agree; None = none."""
     if len(points) < 6:
         return None
-    matrix = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
     cv2.setRNGSeed(0)
     try:
         found, rotation, translation, inliers = cv2.solvePnPRansac(
-            points,
-            pixels,
-            matrix,
-            None,
+            *(points, pixels, intrinsic_matrix(camera), None),
             iterationsCount=n_iterations,
             reprojectionError=RANSAC_ERROR_PX,
             confidence=0.999,
@@ -100,3 +101,8 @@ def ransac(
     agrees = np.zeros(len(points), dtype=np.bool_)
     agrees[inliers.ravel()] = True
     return make_transform(cv2.Rodrigues(rotation)[0], translation.ravel()), agrees
+
+
+def intrinsic_matrix(camera: PinholeCamera) -> Array:
+    """(3, 3); pixels are ours, for all that is asked of opencv with it is where points project."""
+    return np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])

@@ -1,5 +1,6 @@
 """Bundle adjustment: on networks whose truth is known, and against dense normal equations."""
 
+import tracemalloc
 from dataclasses import replace
 from itertools import pairwise
 
@@ -9,16 +10,13 @@ from rooms import CAMERA, freeze, look
 
 from imodbatch.core.alignment import rotation_angle_rad
 from imodbatch.core.frames import apply, exp_twist, invert
-from imodbatch.engines.slam import measurement
-from imodbatch.engines.slam.adjustment import Network, Ties, adjust
+from imodbatch.engines.rgbd import measurement
+from imodbatch.engines.rgbd.adjustment import Network, Tie, adjust, among
 
-NO_TIES = Ties(
-    np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 4, 4)),
-    np.zeros((0, 6, 6)),
-)  # fmt: skip
+FIRM = 1e6 * np.eye(6)
 
 
-def network(seed, n_cameras=6, n_points=80, noise=0.3, off=0.0, n_fixed=1, ties=NO_TIES):
+def network(seed, n_cameras=6, n_points=80, noise=0.3, off=0.0, n_fixed=1, ties=()):
     """A network in a room, the truth of its cameras and points; cameras and points start off."""
     rng = np.random.default_rng(seed)
     truth = invert(
@@ -96,11 +94,11 @@ def test_sightings_of_something_else_are_flagged(seed):
     assert camera_errors(found.cam_from_world, truth)[0].max() < 0.025
 
 
-def chain(truth, information=1e6):
+def chain(truth, information=FIRM):
     """Ties from each camera to the next, as they are in truth."""
-    first = np.arange(len(truth) - 1)
-    between = truth[first] @ invert(truth[first + 1])
-    return Ties(first, first + 1, between, np.tile(information * np.eye(6), (len(first), 1, 1)))
+    return [
+        Tie(i, i + 1, truth[i] @ invert(truth[i + 1]), information) for i in range(len(truth) - 1)
+    ]
 
 
 def test_ties_alone_hold_a_camera():
@@ -143,7 +141,7 @@ def test_ties_pull_against_sightings():
     elsewhere[1:] = exp_twist(np.array([0.05, 0, 0, 0, 0, 0])) @ truth[1:]
     off = {}
     for name, weight in (("firm", 1e10), ("loose", 1e-2)):
-        tied = replace(made, ties=chain(elsewhere, weight))
+        tied = replace(made, ties=chain(elsewhere, weight * np.eye(6)))
         off[name] = camera_errors(adjust(CAMERA, tied, (15,)).cam_from_world, elsewhere)[0]
     assert off["firm"].max() < 0.01
     assert off["loose"][1:].min() > 0.03
@@ -154,16 +152,13 @@ def whole_residuals(made, weight, cameras, points):
     in_camera = apply(cameras[made.camera_of], points[made.point_of])
     error = measurement.residuals(CAMERA, in_camera, made.measurements, made.sigma)
     parts = [(np.sqrt(weight) * error).ravel()]
-    for a, b, between, information in zip(
-        made.ties.first, made.ties.second, made.ties.first_from_second, made.ties.information,
-        strict=True,
-    ):  # fmt: skip
-        away = cameras[a] @ invert(cameras[b]) @ invert(between)
+    for tie in made.ties:
+        away = cameras[tie.first] @ invert(cameras[tie.second]) @ invert(tie.first_from_second)
         # a small rotation's vector, and its translation
         vector = 0.5 * np.array(
             [away[2, 1] - away[1, 2], away[0, 2] - away[2, 0], away[1, 0] - away[0, 1]]
         )
-        parts.append(np.linalg.cholesky(information).T @ np.r_[away[:3, 3], vector])
+        parts.append(np.linalg.cholesky(tie.information).T @ np.r_[away[:3, 3], vector])
     return np.concatenate(parts)
 
 
@@ -172,8 +167,7 @@ def test_one_step_is_that_of_dense_normal_equations():
     made, truth, _ = network(4, n_cameras=4, n_points=25, noise=0.1, off=1e-4)
     rng = np.random.default_rng(0)
     root = rng.normal(size=(6, 6))
-    ties = chain(truth)
-    made = replace(made, ties=replace(ties, information=np.tile(1e4 * root @ root.T, (3, 1, 1))))
+    made = replace(made, ties=chain(truth, 1e4 * root @ root.T))
     cameras, points = made.cam_from_world, made.points
     error = measurement.residuals(
         CAMERA, apply(cameras[made.camera_of], points[made.point_of]), made.measurements, made.sigma
@@ -215,3 +209,32 @@ def test_more_rounds_never_fit_worse():
         costs.append(np.median(error**2))
     # where rounds change nothing any more, roundings may go either way
     assert all(later <= earlier * (1 + 1e-9) for earlier, later in pairwise(costs))
+
+
+def test_ties_among_some_cameras_go_by_their_places():
+    ties = chain(np.tile(np.eye(4), (5, 1, 1)))
+    assert [(t.first, t.second) for t in among(ties, [3, 2, 0, 1])] == [(2, 3), (3, 1), (1, 0)]
+
+
+def test_memory_grows_with_the_sightings_not_with_their_pairs():
+    """120 cameras that all see 400 points: every pair of cameras shares every point."""
+    made, _, _ = network(6, n_cameras=8, n_points=400, off=0.01)
+    of_each = [np.flatnonzero(made.camera_of == 1 + i % 7) for i in range(120)]
+    rows = np.concatenate(of_each)
+    many = replace(
+        made,
+        cam_from_world=made.cam_from_world[1 + np.arange(120) % 7],
+        moves=np.arange(120) > 0,
+        camera_of=np.repeat(np.arange(120), [len(r) for r in of_each]),
+        point_of=made.point_of[rows],
+        measurements=made.measurements[rows],
+        sigma=made.sigma[rows],
+    )
+    tracemalloc.start()
+    found = adjust(CAMERA, many, (1,))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    of_sightings = len(rows) * 8 * 18
+    of_system = (6 * 120) ** 2 * 8
+    assert peak < 25 * (of_sightings + of_system)
+    assert not np.array_equal(found.cam_from_world[1:], many.cam_from_world[1:])

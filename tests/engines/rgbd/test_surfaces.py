@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-from rooms import CAMERA, PLAIN_CORNER, Room, filmed, freeze, look, off, render
+from rooms import CAMERA, PLAIN_CORNER, filmed, freeze, off
 
 from imodbatch.core.alignment import rotation_angle_rad
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import exp_twist, invert
-from imodbatch.engines.slam.dense import dense_motion
-from imodbatch.engines.slam.registration import settle, tie
-from imodbatch.engines.slam.resection import Sightings
-from imodbatch.engines.slam.surfaces import MAX_DEPTH_M, SOURCE_STEP, contact, surface
+from imodbatch.engines.rgbd.registration import settle, tie
+from imodbatch.engines.rgbd.resection import Sightings
+from imodbatch.engines.rgbd.surfaces import MAX_DEPTH_M, SOURCE_STEP, contact, surface
 
 ODD = PinholeCamera(331, 247, 270.0, 272.0, 160.0, 121.0)
 
@@ -193,41 +192,3 @@ def test_a_tie_is_a_relative_pose_with_its_certainty():
     assert (sigma[:3] < 0.02).all()
     on_wall = tie(bare_wall(), bare_wall().samples, np.eye(4)).information
     assert on_wall[0, 0] < 1 < on_wall[2, 2]
-
-
-def images(room, path, i, j):
-    colors, depths, poses = filmed(room, path)
-    gray = tuple(np.ascontiguousarray(colors[k][..., 0]) for k in (i, j))
-    depth = (depths[i], depths[j])
-    return gray, depth, tuple(surface(d, CAMERA) for d in depth), invert(poses[j]) @ poses[i]
-
-
-@pytest.mark.parametrize("step", [1, 2])
-def test_dense_motion_in_a_corner_without_texture(step):
-    gray, depth, surfaces, truth = images(PLAIN_CORNER, "corner", 5, 5 + step)
-    found = dense_motion(CAMERA, gray, depth, surfaces)
-    away = found @ invert(truth)
-    assert np.linalg.norm(away[:3, 3]) < 0.004
-    assert rotation_angle_rad(away[:3, :3]) < 0.003
-
-
-def test_dense_motion_along_a_bare_wall_is_none():
-    gray, depth, surfaces, _ = images(Room(boxes=(), plain=True), "wall", 3, 4)
-    assert dense_motion(CAMERA, gray, depth, surfaces) is None
-
-
-def test_dense_motion_between_different_shapes_is_none():
-    gray, depth, surfaces, _ = images(PLAIN_CORNER, "corner", 0, 1)
-    other = render(PLAIN_CORNER, look([-1.0, -1.0, 1.2], 200, 30))
-    seen = (depth[0], freeze(other[1]))
-    surfaces = (surfaces[0], surface(seen[1], CAMERA))
-    assert dense_motion(CAMERA, (gray[0], other[0]), seen, surfaces) is None
-
-
-def test_dense_motion_needs_the_same_print():
-    """The same shape, but another wallpaper: depth alone would say that nothing moved."""
-    gray, depth, surfaces, _ = images(Room(boxes=()), "corner", 0, 0)
-    other = images(Room(seed=5, boxes=()), "corner", 0, 0)[0][1]
-    assert dense_motion(CAMERA, (gray[0], other), depth, surfaces) is None
-    found = dense_motion(CAMERA, gray, depth, surfaces)
-    assert found == pytest.approx(np.eye(4), abs=1e-3)

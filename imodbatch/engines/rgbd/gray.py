@@ -1,16 +1,20 @@
 """Colour images of a sequence as the grey ones that features and tracking work on."""
 
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.engines.rgbd import RgbdFrames
+from imodbatch.engines.rgbd.frames import ColorImage, RgbdFrames
 from imodbatch.errors import DataError
 
 Gray = NDArray[np.uint8]
-HALF_PX = 0.5  # opencv counts pixels from the centre of the first one, we from its corner
+HALF_PX = 0.5
+"""OpenCV and open3d count pixels from the middle of the first one, we from the image's corner."""
+
+
+def to_gray(color: ColorImage) -> Gray:
+    """Grey (H, W) of RGB (H, W, 3)."""
+    return np.asarray(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY))
 
 
 def read_gray(frames: RgbdFrames, position: int) -> Gray | None:
@@ -30,5 +34,4 @@ def read_gray(frames: RgbdFrames, position: int) -> Gray | None:
             f"{width} × {height}, expected {camera.width_px} × {camera.height_px}. Correct "
             "camera.color in the manifest, or leave the frame out."
         )
-    gray: Any = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
-    return gray  # type: ignore[no-any-return]
+    return to_gray(color)

@@ -12,14 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.core.frames import adjoint, apply, exp_twist, invert, orthonormal
-from imodbatch.engines.slam import measurement
-from imodbatch.engines.slam.resection import Sightings
-from imodbatch.engines.slam.surfaces import Surface, contact
+from imodbatch.core.frames import adjoint, exp_twist, invert, orthonormal
+from imodbatch.engines.rgbd import measurement
+from imodbatch.engines.rgbd.adjustment import Tie
+from imodbatch.engines.rgbd.resection import Sightings, linearised
+from imodbatch.engines.rgbd.surfaces import Surface, contact
 
 Array = NDArray[np.float64]
 N_ITERATIONS = 8
 SETTLED = 3e-5
+MIN_TIE_MET = 0.3
 TIE_SIGMA_M, TIE_SIGMA_RAD = 0.002, 0.001
 
 
@@ -60,25 +62,13 @@ def settle(
     for _ in range(N_ITERATIONS):
         normal, gradient = np.zeros((6, 6)), np.zeros(6)
         if seen is not None:
-            _add_features(normal, gradient, camera, cam_from_world, seen)
+            normal, gradient = linearised(camera, cam_from_world, seen, measurement.huber_weights)
         met, fitting = _add_surfaces(normal, gradient, cam_from_world, samples, targets)
         step = -np.linalg.solve(normal + 1e-6 * np.eye(6), gradient)
         cam_from_world = exp_twist(step) @ cam_from_world
         if np.abs(step).max() < SETTLED:
             break
     return Settled(cam_from_world, normal, met, fitting)
-
-
-def _add_features(
-    normal: Array, gradient: Array, camera: PinholeCamera, cam_from_world: Array, seen: Sightings
-) -> None:
-    points = apply(cam_from_world, seen.points)
-    error = measurement.residuals(camera, points, seen.measurements, seen.sigma)
-    image = measurement.image_jacobian(camera, points, seen.measurements, seen.sigma)
-    jacobian = measurement.pose_jacobian(image, points).reshape(-1, 6)
-    weight = measurement.huber_weights(error).reshape(-1, 1)
-    normal += jacobian.T @ (weight * jacobian)
-    gradient += jacobian.T @ (weight[:, 0] * error.ravel())
 
 
 def _add_surfaces(
@@ -113,3 +103,21 @@ def tie(target: Surface, samples: Array, target_from_source: Array) -> Settled:
     systematic = np.diag(np.repeat(np.square([TIE_SIGMA_M, TIE_SIGMA_RAD]), 3))
     covariance = np.linalg.inv(found.information + 1e-6 * np.eye(6)) + systematic
     return replace(found, information=np.linalg.inv(covariance))
+
+
+def bind(
+    surfaces: Sequence[Surface], cam_from_world: Sequence[Array] | Array, first: int, second: int
+) -> Tie | None:
+    """Tie two frames by their surfaces; None where these overlap too little.
+
+    Args:
+        surfaces: of K frames.
+        cam_from_world: K poses (4, 4).
+        first: frame whose surface the other's samples are laid on.
+        second: that other one.
+    """
+    first_from_second = cam_from_world[first] @ invert(cam_from_world[second])
+    found = tie(surfaces[first], surfaces[second].samples, first_from_second)
+    if found.met < MIN_TIE_MET:
+        return None
+    return Tie(second, first, found.cam_from_world, found.information)

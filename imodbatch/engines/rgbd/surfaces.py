@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage
 from imodbatch.core.frames import apply
-from imodbatch.engines.slam.measurement import DEPTH_SIGMA_FLOOR_M, DEPTH_SIGMA_PER_M, MIN_Z_M
+from imodbatch.engines.rgbd.measurement import DEPTH_SIGMA_FLOOR_M, DEPTH_SIGMA_PER_M, MIN_Z_M
 
 Array = NDArray[np.float64]
 SHRINK = 4

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.engines.slam.features import SCALE_FACTOR, Features
+from imodbatch.engines.rgbd.features import SCALE_FACTOR, Features
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

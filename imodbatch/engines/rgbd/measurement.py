@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.engines.slam.features import SCALE_FACTOR
+from imodbatch.engines.rgbd.features import SCALE_FACTOR
 
 Array = NDArray[np.float64]
 PIXEL_SIGMA = 1.0

@@ -6,8 +6,8 @@ from rooms import CAMERA, freeze
 
 from imodbatch.core.alignment import rotation_angle_rad
 from imodbatch.core.frames import apply, exp_twist, invert
-from imodbatch.engines.slam import measurement
-from imodbatch.engines.slam.resection import Sightings, ransac, refine
+from imodbatch.engines.rgbd import measurement
+from imodbatch.engines.rgbd.resection import Sightings, ransac, refine
 
 CHI2 = measurement.CHI2_PIXEL
 
