@@ -1,11 +1,13 @@
 """ORB features of a frame, spread over the image, each with the depth behind it (Rublee 2011)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage
@@ -40,6 +42,11 @@ class Features:
     def has_depth(self) -> NDArray[np.bool_]:
         """(N,) whether the place is known."""
         return np.isfinite(self.points_cam[:, 2])
+
+    @cached_property
+    def tree(self) -> KDTree:
+        """Their pixels, to be asked for those nearby."""
+        return KDTree(self.pixels)
 
 
 class FeatureExtractor:

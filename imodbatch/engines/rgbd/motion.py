@@ -2,15 +2,13 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.core.frames import make_transform
 from imodbatch.engines.rgbd.features import Features
 from imodbatch.engines.rgbd.matching import mutual_matches
-from imodbatch.engines.rgbd.resection import intrinsic_matrix, ransac
+from imodbatch.engines.rgbd.resection import Sightings, ransac, refine
 
 Array = NDArray[np.float64]
 N_ITERATIONS = 500
@@ -41,8 +39,8 @@ def motion_between(a: Features, b: Features, camera: PinholeCamera) -> Motion | 
 def motion_of(points_a: Array, pixels_b: Array, camera: PinholeCamera) -> Motion | None:
     """The motion that projects most points (n, 3) to their pixels (n, 2).
 
-    PnP in RANSAC, refined to the smallest squares. It counts with at least 20 inliers that are
-    40 % of the points of known place (NaN = unknown); else None.
+    PnP in RANSAC, then refined. It counts with at least 20 inliers that are 40 % of the points of
+    known place (NaN = unknown); else None. Points may be in any unit: the motion is in theirs.
     """
     has_place = np.isfinite(points_a[:, 2])
     points, pixels = points_a[has_place], pixels_b[has_place]
@@ -51,8 +49,9 @@ def motion_of(points_a: Array, pixels_b: Array, camera: PinholeCamera) -> Motion
         return None
     start, agrees = found
     points, pixels = points[agrees], pixels[agrees]
-    rotation, translation = cv2.solvePnPRefineLM(
-        *(points, pixels, intrinsic_matrix(camera), None),
-        *(cv2.Rodrigues(start[:3, :3])[0], start[:3, 3].copy()),
-    )
-    return Motion(make_transform(cv2.Rodrigues(rotation)[0], translation.ravel()), points, pixels)
+    unit = float(np.median(points[:, 2]))
+    seen = np.column_stack([pixels, np.full(len(pixels), np.nan)])
+    start[:3, 3] /= unit
+    b_from_a, _ = refine(camera, start, Sightings(points / unit, seen, np.ones_like(seen)))
+    b_from_a[:3, 3] *= unit
+    return Motion(b_from_a, points, pixels)

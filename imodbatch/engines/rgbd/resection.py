@@ -85,10 +85,11 @@ def ransac(
     """A pose without a first guess (EPnP in RANSAC), and which points (N,) agree; None = none."""
     if len(points) < 6:
         return None
+    matrix = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
     cv2.setRNGSeed(0)
     try:
         found, rotation, translation, inliers = cv2.solvePnPRansac(
-            *(points, pixels, intrinsic_matrix(camera), None),
+            *(points, pixels, matrix, None),
             iterationsCount=n_iterations,
             reprojectionError=RANSAC_ERROR_PX,
             confidence=0.999,
@@ -101,8 +102,3 @@ def ransac(
     agrees = np.zeros(len(points), dtype=np.bool_)
     agrees[inliers.ravel()] = True
     return make_transform(cv2.Rodrigues(rotation)[0], translation.ravel()), agrees
-
-
-def intrinsic_matrix(camera: PinholeCamera) -> Array:
-    """(3, 3); pixels are ours, for all that is asked of opencv with it is where points project."""
-    return np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])

@@ -1,4 +1,4 @@
-"""A frame as slam knows it: its features where they can be looked for, and its surface."""
+"""A frame as slam knows it: its features with what they measure, and its surface."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,6 @@ from imodbatch.core.depth import DepthImage
 from imodbatch.engines.rgbd import measurement
 from imodbatch.engines.rgbd.features import Features
 from imodbatch.engines.rgbd.gray import Gray
-from imodbatch.engines.rgbd.matching import FeatureGrid
 from imodbatch.engines.rgbd.resection import Sightings
 from imodbatch.engines.rgbd.surfaces import Surface
 
@@ -18,13 +17,12 @@ Array = NDArray[np.float64]
 
 
 class Frame:
-    """A frame's features with their buckets and measurements, and its surface."""
+    """A frame's features with their measurements, and its surface."""
 
     def __init__(self, features: Features, surface: Surface, camera: PinholeCamera) -> None:
         self.features = features
         self.surface = surface
         self.camera = camera
-        self.grid = FeatureGrid(features, camera.width_px, camera.height_px)
         self.measurements = measurement.measured(features.pixels, features.points_cam)
         self.sigma = measurement.sigmas(self.measurements, features.octave)
 

@@ -74,7 +74,7 @@ def _fit(
     if len(ids) < MIN_FITTING:
         return None
     there = Expected(pixels[inside], expected.octave[inside], expected.descriptors[inside])
-    point, row = projection_matches(there, frame.grid, frame.features, radius_px)
+    point, row = projection_matches(there, frame.features, radius_px)
     ids = ids[point]
     if len(ids) < MIN_FITTING:
         return None

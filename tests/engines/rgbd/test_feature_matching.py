@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from imodbatch.engines.rgbd.features import Features
 from imodbatch.engines.rgbd.matching import (
     Expected,
-    FeatureGrid,
     hamming,
     mutual_matches,
+    near,
     projection_matches,
 )
 
@@ -79,16 +79,14 @@ def test_too_few_to_compare(n_a, n_b):
 @settings(max_examples=60)
 def test_near_is_brute_force(seed, n_features, n_queries, radius, size):
     rng = np.random.default_rng(seed)
-    width, height = size
     pixels = rng.uniform(0, size, (n_features, 2))
-    # borders, corners and borders of buckets
+    # some in the same place
     pixels[::5] = np.round(pixels[::5] / 16) * 16
     pixels = np.minimum(pixels, np.array(size) - 1e-9)
     queries = rng.uniform(-40, np.array(size) + 40, (n_queries, 2))
     queries[::4] = np.round(queries[::4] / 16) * 16
     radii = rng.uniform(0.2, 1, n_queries) * radius
-    grid = FeatureGrid(features_at(pixels, descriptors(rng, n_features)), width, height)
-    query, feature = grid.near(queries, radii)
+    query, feature = near(features_at(pixels, descriptors(rng, n_features)), queries, radii)
     distance = np.linalg.norm(queries[:, None] - pixels[None], axis=2)
     expected = np.argwhere(distance < radii[:, None])
     found = sorted(zip(query.tolist(), feature.tolist(), strict=True))
@@ -99,10 +97,10 @@ def test_near_is_brute_force(seed, n_features, n_queries, radius, size):
 
 def test_near_with_nothing_there():
     nothing = features_at(np.zeros((0, 2)), np.zeros((0, 4), dtype=np.uint64))
-    query, feature = FeatureGrid(nothing, 320, 240).near(np.array([[5.0, 5.0]]), np.array([9.0]))
+    query, feature = near(nothing, np.array([[5.0, 5.0]]), np.array([9.0]))
     assert len(query) == len(feature) == 0
     some = features_at([[5, 5]], np.zeros((1, 4), dtype=np.uint64))
-    query, _ = FeatureGrid(some, 320, 240).near(np.zeros((0, 2)), np.zeros(0))
+    query, _ = near(some, np.zeros((0, 2)), np.zeros(0))
     assert len(query) == 0
 
 
@@ -110,8 +108,7 @@ def project(expected_pixels, words, features, octave=None, radius=10.0):
     n = len(expected_pixels)
     octave = np.zeros(n) if octave is None else np.asarray(octave, dtype=np.float64)
     expected = Expected(np.asarray(expected_pixels, dtype=np.float64), octave, words)
-    grid = FeatureGrid(features, 320, 240)
-    point, feature = projection_matches(expected, grid, features, radius)
+    point, feature = projection_matches(expected, features, radius)
     return dict(zip(point.tolist(), feature.tolist(), strict=True))
 
 
