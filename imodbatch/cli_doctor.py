@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from imodbatch.atomic import write_text
+
 if TYPE_CHECKING:
     from imodbatch.checkup.examine import Examined
     from imodbatch.checkup.finding import Outcome
@@ -54,7 +56,7 @@ def doctor(
     click.echo(f"doctor {checked.name}: {_sum(outcomes, sum(p.n_frames for p in examined))}")
     if json_file is not None:
         document = {p.sequence_id: [o.as_json() for o in p.outcomes] for p in examined}
-        json_file.write_text(json.dumps(document, indent=1, allow_nan=False), encoding="utf-8")
+        write_text(json_file, json.dumps(document, indent=1, allow_nan=False))
     if any(outcome.has_error for outcome in outcomes):
         sys.exit(1)
 

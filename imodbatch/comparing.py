@@ -6,11 +6,12 @@ from pathlib import Path
 from textwrap import wrap
 
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from imodbatch.errors import ConfigError
+from imodbatch.atomic import replacing, write_text
 from imodbatch.reporting.azimuths import azimuth_block, azimuth_csv, azimuth_grid, azimuth_remark
 from imodbatch.reporting.comparison import Comparison, compare_runs
-from imodbatch.reporting.files import write_parquet, write_whole
 from imodbatch.reporting.grids import Grid
 from imodbatch.reporting.operating_points import TUNINGS, Background, table_2_columns
 from imodbatch.reporting.page import page
@@ -67,9 +68,9 @@ class Document:
     def write(self, folder: Path) -> Path:
         """Write compare.md and a CSV file per table; returns the former."""
         folder.mkdir(parents=True, exist_ok=True)
-        write_whole(folder / "compare.md", self.markdown())
+        write_text(folder / "compare.md", self.markdown())
         for block in self.blocks:
-            write_whole(folder / f"{block.grid.name}.csv", block.csv)
+            write_text(folder / f"{block.grid.name}.csv", block.csv)
         return folder / "compare.md"
 
 
@@ -101,13 +102,14 @@ class Table2:
         """Write table2.html, and CSV and Parquet files; returns the page."""
         folder.mkdir(parents=True, exist_ok=True)
         for name, table in self.tables.items():
-            write_whole(folder / f"{name}.csv", csv_of(table))
-            write_parquet(folder / f"{name}.parquet", table)
+            write_text(folder / f"{name}.csv", csv_of(table))
+            with replacing(folder / f"{name}.parquet") as file:
+                pq.write_table(table, file, compression="zstd")
         context = {
             **{"heading": self.heading, "grids": self.wide_grids, "remarks": self.remarks},
             **{"files": list(self.tables), "paper_mark": MARK},
         }
-        write_whole(folder / "table2.html", page("table2.html.j2", context))
+        write_text(folder / "table2.html", page("table2.html.j2", context))
         return folder / "table2.html"
 
 

@@ -7,8 +7,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from imodbatch import runner
+from imodbatch.atomic import write_text
 from imodbatch.core.trajectory import LOST
-from imodbatch.reporting.files import write_whole
 from imodbatch.runner import Plan
 from imodbatch.stages.base import column, tally
 
@@ -32,7 +32,7 @@ def export_tum(plan: Plan, folder: Path) -> Iterator[str]:
         tables.append((sequence.id, runner.load(alone, "frames"), runner.load(alone, "poses")))
     folder.mkdir(parents=True, exist_ok=True)
     for sequence_id, frames, poses in tables:
-        write_whole(folder / f"{sequence_id}.txt", tum_text(frames, poses))
+        write_text(folder / f"{sequence_id}.txt", tum_text(frames, poses))
         n_lost = sum(status == LOST for status in poses["status"].to_pylist())
         counts = {"written": poses.num_rows - n_lost, "lost": n_lost}
         yield f"{sequence_id}: {tally(poses.num_rows, 'poses', counts)}"

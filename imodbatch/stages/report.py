@@ -12,9 +12,9 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from imodbatch.atomic import write_text
 from imodbatch.config import ReportConfig
 from imodbatch.reporting.camera_poses import pose_csv, pose_section
-from imodbatch.reporting.files import write_whole
 from imodbatch.reporting.gallery import ReadColor, gallery
 from imodbatch.reporting.grids import Grid
 from imodbatch.reporting.jitters import jitter_csv, jitter_section
@@ -95,18 +95,18 @@ def run(
         "dictionary": _dictionary(complete),
     }
     out_dir.mkdir(parents=True, exist_ok=True)
-    write_whole(out_dir / "ap.md", _markdown(aps, _ap_remark(results, run_info, paper)))
-    write_whole(out_dir / "ap.csv", ap_csv(results, run_info.classes))
+    write_text(out_dir / "ap.md", _markdown(aps, _ap_remark(results, run_info, paper)))
+    write_text(out_dir / "ap.csv", ap_csv(results, run_info.classes))
     remark = context["threshold_remark"]
-    write_whole(out_dir / "precision_recall.md", _markdown(at_threshold, remark))
-    write_whole(out_dir / "precision_recall.csv", precision_recall_csv(results, run_info.classes))
-    write_whole(out_dir / "status_counts.csv", status_csv(counts))
+    write_text(out_dir / "precision_recall.md", _markdown(at_threshold, remark))
+    write_text(out_dir / "precision_recall.csv", precision_recall_csv(results, run_info.classes))
+    write_text(out_dir / "status_counts.csv", status_csv(counts))
     if context["camera_poses"]:
-        write_whole(out_dir / "poses.md", context["camera_poses"].markdown)
-        write_whole(out_dir / "poses.csv", pose_csv(complete["pose_quality"]))
+        write_text(out_dir / "poses.md", context["camera_poses"].markdown)
+        write_text(out_dir / "poses.csv", pose_csv(complete["pose_quality"]))
     if context["jitter"]:
-        write_whole(out_dir / "jitters.csv", jitter_csv(complete["jitters"]))
-    write_whole(out_dir / PAGE, page("report.html.j2", {**context, "info": run_info}))
+        write_text(out_dir / "jitters.csv", jitter_csv(complete["jitters"]))
+    write_text(out_dir / PAGE, page("report.html.j2", {**context, "info": run_info}))
     return out_dir / PAGE
 
 

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from imodbatch.atomic import replacing, write_text
 from imodbatch.errors import DataError
 from imodbatch.simulation.mesh import Symmetry
 
@@ -94,8 +95,7 @@ def write_cutouts(
     ends: list[int] = []
     azimuths: list[float] = []
     elevations: list[float] = []
-    partial = binary.with_name(f".{binary.name}.partial")
-    with partial.open("wb") as file:
+    with replacing(binary) as file:
         for cutout in cutouts:
             bgra = cv2.cvtColor(cutout.rgba, cv2.COLOR_RGBA2BGRA)
             png = cv2.imencode(".png", bgra, [cv2.IMWRITE_PNG_COMPRESSION, 4])[1]
@@ -103,7 +103,6 @@ def write_cutouts(
             ends.append(file.tell())
             azimuths.append(cutout.azimuth_rad)
             elevations.append(cutout.elevation_rad)
-    partial.replace(binary)
     content = {
         "class_name": class_name,
         "instance": instance,
@@ -142,13 +141,6 @@ def load_cutouts(table: Path) -> Cutouts:
     if not len(loaded) or loaded.png_ends[-1] != len(pngs):
         raise DataError(f"{table}: does not fit its .bin file. Delete both and run again.")
     return loaded
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file so that a reader finds the old one or the new one, never a part."""
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
 
 
 def _files(stem: Path) -> tuple[Path, Path]:

@@ -19,9 +19,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from imodbatch.atomic import sweep, write_bytes, write_text
 from imodbatch.errors import ConfigError, DataError
 from imodbatch.training.composition import Composer, Picture, Recipe
-from imodbatch.training.cutouts import write_text
 
 VERSION = 2
 CHUNK = 50
@@ -77,6 +77,7 @@ def write_dataset(
     _check_recipe(folder, recipe, overwrite)
     (folder / "images").mkdir(parents=True, exist_ok=True)
     (folder / CHUNKS).mkdir(exist_ok=True)
+    sweep(folder)
     chunks = [range(start, min(start + CHUNK, n)) for start in range(0, n, CHUNK)]
     todo = [chunk for chunk in chunks if overwrite or _labels(folder, chunk) is None]
     n_made = sum(map(len, todo))
@@ -138,9 +139,7 @@ def image_file(index: int) -> str:
 def _write_jpeg(path: Path, image: Any) -> None:
     bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
     coded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_bytes(coded.tobytes())
-    partial.replace(path)
+    write_bytes(path, coded.tobytes())
 
 
 def _label(index: int, picture: Picture) -> dict[str, Any]:

@@ -200,9 +200,12 @@ def test_the_database_is_used_again(room, estimated, tmp_path, monkeypatch):
 
 def test_an_interrupted_database_is_made_anew(room, tmp_path):
     (tmp_path / "database.db").write_bytes(b"half of it")
-    (tmp_path / ".database.partial.db").write_bytes(b"half of it")
+    left = tmp_path / ".database.db.01234567.partial"
+    left.mkdir()
+    (left / "database.db").write_bytes(b"half of it")
     made = provide_database(room.frames, tmp_path, CONFIG, no_bar)
     assert not made.is_reused
+    assert not left.exists()
     assert provide_database(room.frames, tmp_path, CONFIG, no_bar) == replace(made, is_reused=True)
 
 

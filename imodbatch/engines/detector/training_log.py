@@ -2,12 +2,14 @@
 
 import csv
 import json
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from imodbatch.atomic import write_bytes, write_text
 from imodbatch.engines.detector.training_losses import LOSS_NAMES
 from imodbatch.engines.detector.training_validation import Validation
 
@@ -28,13 +30,14 @@ class TrainingLog:
         """Open the record; what it says of later steps than `step` is taken out, to be redone."""
         self._csv, self._events = folder / "log.csv", folder / "events.jsonl"
         rows = [row for row in read_rows(self._csv) if int(row["step"]) <= step]
-        with self._csv.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, COLUMNS)
-            writer.writeheader()
-            writer.writerows(rows)
+        kept = StringIO(newline="")
+        writer = csv.DictWriter(kept, COLUMNS)
+        writer.writeheader()
+        writer.writerows(rows)
+        write_text(self._csv, kept.getvalue())
         events = [event for event in read_events(self._events) if event["step"] <= step]
         lines = [json.dumps(event) + "\n" for event in events]
-        self._events.write_text("".join(lines), encoding="utf-8")
+        write_text(self._events, "".join(lines))
 
     def add_row(self, row: dict[str, Any]) -> None:
         """Add one row of means over the last steps."""
@@ -69,11 +72,12 @@ class TrainingLog:
 def write_confusions(validation: Validation, folder: Path) -> None:
     """Write the azimuth confusions of all classes as ``azimuth_confusion.csv`` and as ``.svg``."""
     confusion = validation.azimuth_confusion
-    with (folder / "azimuth_confusion.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(("class", "true_bin", "named_bin", "n_boxes"))
-        for k, true, named in np.argwhere(confusion > 0):
-            writer.writerow((validation.classes[k], true, named, confusion[k, true, named]))
+    table = StringIO(newline="")
+    writer = csv.writer(table)
+    writer.writerow(("class", "true_bin", "named_bin", "n_boxes"))
+    for k, true, named in np.argwhere(confusion > 0):
+        writer.writerow((validation.classes[k], true, named, confusion[k, true, named]))
+    write_text(folder / "azimuth_confusion.csv", table.getvalue())
     shown = [k for k in range(len(validation.classes)) if confusion[k].any()]
     figure = Figure(figsize=(2.0 * min(len(shown) + 1, 6), 2.2 * (len(shown) // 6 + 1)))
     panels = [("all", confusion.sum(axis=0))]
@@ -106,6 +110,6 @@ def read_events(path: Path) -> list[dict[str, Any]]:
 
 
 def _save(figure: Figure, path: Path) -> None:
-    partial = path.with_name(path.name + ".partial")
-    figure.savefig(partial, format="svg", metadata={"Date": None})
-    partial.replace(path)
+    drawn = BytesIO()
+    figure.savefig(drawn, format="svg", metadata={"Date": None})
+    write_bytes(path, drawn.getvalue())

@@ -13,6 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from imodbatch.atomic import replacing
 from imodbatch.engines.detector.recipes import Recipe, first_difference
 from imodbatch.errors import ConfigError
 
@@ -48,7 +49,7 @@ class TrainingState:
 
 
 def save_state(state: TrainingState, recipe: Recipe, data: dict[str, Any], path: Path) -> None:
-    """Write a checkpoint, first under another name so that a break leaves the old one."""
+    """Write a checkpoint; a break leaves the old one."""
     content = {
         "format_version": FORMAT_VERSION,
         "recipe": recipe.model_dump(mode="json"),
@@ -58,9 +59,8 @@ def save_state(state: TrainingState, recipe: Recipe, data: dict[str, Any], path:
         "average": state.average,
         "step": state.step,
     }
-    partial = path.with_name(path.name + ".partial")
-    torch.save(content, partial)
-    partial.replace(path)
+    with replacing(path) as file:
+        torch.save(content, file)
 
 
 def load_state(

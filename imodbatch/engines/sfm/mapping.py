@@ -3,7 +3,6 @@
 The camera is known and stays as it is. COLMAP may return several models that it could not join.
 """
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imodbatch.atomic import scratch_folder
 from imodbatch.engines.sfm.colmap import SEED, Progress, n_threads, pycolmap
 from imodbatch.engines.sfm.features import feature_scales
 from imodbatch.engines.sfm.workspace import Database
@@ -114,20 +114,16 @@ def reconstruct(
         DataError: nothing could be reconstructed.
         ImodError: this build of pycolmap lacks the mapper, or the mapper failed.
     """
-    output = database.path.with_name(".mapping.partial")
-    shutil.rmtree(output, ignore_errors=True)
-    output.mkdir(parents=True)
     run = _global if mapper == "global" else _incremental
     try:
-        found = run(database, image_root, output, progress)
+        with scratch_folder(database.path.with_name("mapping")) as output:
+            found = run(database, image_root, output, progress)
     except (RuntimeError, ValueError, IndexError) as error:
         text = " ".join(str(error).split())
         raise ImodError(
             f"{where}: COLMAP's {mapper} mapper failed ({text}). "
             f"Set sfm.mapper = '{'incremental' if mapper == 'global' else 'global'}'."
         ) from None
-    finally:
-        shutil.rmtree(output, ignore_errors=True)
     scales_px = feature_scales(database.path, database.keyframes)
     models = [Model(found[index], scales_px) for index in sorted(found)]
     models = [model for model in models if len(model.keyframes()) > 1]

@@ -6,11 +6,11 @@ The workspace holds ``database.db``, ``database.json`` (what it was made of, wri
 
 import hashlib
 import json
-import shutil
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from imodbatch.atomic import replacing_folder, scratch_folder, write_text
 from imodbatch.config import SfmConfig
 from imodbatch.engines.rgbd import RgbdFrames
 from imodbatch.engines.sfm.colmap import SEED, Progress, n_threads, pycolmap
@@ -61,9 +61,7 @@ def provide_database(
             old.unlink(missing_ok=True)
         made = _make(frames, path, config, progress)
         content = {"digest": digest, "keyframes": made.keyframes, "unreadable": made.unreadable}
-        partial = record.with_name(".database.json.partial")
-        partial.write_text(json.dumps(content) + "\n", encoding="utf-8")
-        partial.replace(record)
+        write_text(record, json.dumps(content) + "\n")
     except OSError as error:
         raise ImodError(
             f"{workspace}: cannot be written ({error}). Choose another --out."
@@ -73,12 +71,9 @@ def provide_database(
 
 def keep_model(reconstruction: Any, workspace: Path) -> Path:
     """Write a model in COLMAP's format as ``sparse`` in place of an older one."""
-    partial, final = workspace / ".sparse.partial", workspace / "sparse"
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
-    reconstruction.write_binary(partial)
-    shutil.rmtree(final, ignore_errors=True)
-    return partial.replace(final)
+    with replacing_folder(workspace / "sparse") as folder:
+        reconstruction.write_binary(folder)
+    return workspace / "sparse"
 
 
 def _make(frames: RgbdFrames, path: Path, config: SfmConfig, progress: Progress) -> Database:
@@ -90,18 +85,18 @@ def _make(frames: RgbdFrames, path: Path, config: SfmConfig, progress: Progress)
             f"structure from motion needs {MIN_KEYFRAMES} at least. Give more frames, lower "
             "sfm.keyframe_motion_percent, or use poses.source = 'slam' or 'odometry'."
         )
-    partial = path.with_name(".database.partial.db")
-    _remove_database(partial)
-    database = pycolmap().Database.open(partial)
-    try:
-        write_features(database, frames, keyframes, config.max_features, progress)
-        descriptors = [database.read_descriptors(position + 1).data for position in keyframes]
-        names = [database.read_image(position + 1).name for position in keyframes]
-    finally:
-        database.close()
-    pairs = choose_pairs(descriptors, config.next_keyframes, config.alike_keyframes)
-    _match(partial, names, pairs, progress)
-    partial.replace(path)
+    with scratch_folder(path) as folder:
+        unfinished = folder / path.name
+        database = pycolmap().Database.open(unfinished)
+        try:
+            write_features(database, frames, keyframes, config.max_features, progress)
+            descriptors = [database.read_descriptors(position + 1).data for position in keyframes]
+            names = [database.read_image(position + 1).name for position in keyframes]
+        finally:
+            database.close()
+        pairs = choose_pairs(descriptors, config.next_keyframes, config.alike_keyframes)
+        _match(unfinished, names, pairs, progress)
+        unfinished.replace(path)
     return Database(path, keyframes, chosen.unreadable)
 
 
@@ -117,7 +112,6 @@ def _match(database: Path, names: list[str], pairs: Pairs, progress: Progress) -
         lines = [f"{names[i]} {names[j]}\n" for i, j in pairs[start : start + PAIRS_AT_ONCE]]
         listing.write_text("".join(lines), encoding="utf-8")
         colmap.match_image_pairs(database, matching, pairing, verification, colmap.Device.cpu)
-    listing.unlink(missing_ok=True)
 
 
 def _digest(frames: RgbdFrames, config: SfmConfig) -> str:
@@ -146,9 +140,3 @@ def _read_record(record: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return content if isinstance(content, dict) else {}
-
-
-def _remove_database(path: Path) -> None:
-    """With the side files that an interrupted run of SQLite leaves behind."""
-    for suffix in ("", "-wal", "-shm", "-journal"):
-        path.with_name(path.name + suffix).unlink(missing_ok=True)

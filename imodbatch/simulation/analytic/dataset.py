@@ -6,11 +6,11 @@ off, a lost file and other settings are all noticed, and the dataset is made aga
 """
 
 import json
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from imodbatch.atomic import replacing_folder, write_text
 from imodbatch.errors import DataError
 from imodbatch.simulation.analytic.files import (
     detection_rows,
@@ -59,21 +59,19 @@ def write_dataset(
     if is_complete(folder, settings):
         return
     _check_is_ours(folder)
-    partial = folder.with_name(f".{folder.name}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
-    rows: list[dict[str, Any]] = []
-    for index in range(n_sequences):
-        walk = make_walk(seed, index, n_frames)
-        rows += _write_walk(
-            partial, walk, lambda done: progress(done, n_sequences * n_frames), index * n_frames
-        )
-    write_detections(partial / DETECTIONS, rows)
-    done = {"settings": settings, "bytes": _sizes(partial)}
-    (partial / DONE).write_text(json.dumps(done, indent=1) + "\n", encoding="utf-8")
-    if folder.exists():
-        shutil.rmtree(folder)
-    partial.rename(folder)
+    with replacing_folder(folder) as unfinished:
+        rows: list[dict[str, Any]] = []
+        for index in range(n_sequences):
+            walk = make_walk(seed, index, n_frames)
+            rows += _write_walk(
+                unfinished,
+                walk,
+                lambda done: progress(done, n_sequences * n_frames),
+                index * n_frames,
+            )
+        write_detections(unfinished / DETECTIONS, rows)
+        done = {"settings": settings, "bytes": _sizes(unfinished)}
+        write_text(unfinished / DONE, json.dumps(done, indent=1) + "\n")
 
 
 def is_complete(folder: Path, settings: dict[str, int]) -> bool:

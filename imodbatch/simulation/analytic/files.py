@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from PIL import Image
 
+from imodbatch.atomic import replacing, write_text
 from imodbatch.core.frames import quaternion_from_matrix
 from imodbatch.schemas import BOX
 from imodbatch.simulation.analytic.catalogue import CLASSES
@@ -37,7 +38,8 @@ def write_images(sequence_folder: Path, frame_index: int, frame: Frame) -> None:
     for kind, image in images.items():
         path = sequence_folder / frame_file(kind, frame_index)
         path.parent.mkdir(parents=True, exist_ok=True)
-        image.save(path)
+        with replacing(path) as file:
+            image.save(file, "PNG")
 
 
 def write_trajectory(path: Path, world_from_cam: NDArray[np.float64]) -> None:
@@ -47,7 +49,7 @@ def write_trajectory(path: Path, world_from_cam: NDArray[np.float64]) -> None:
         w, x, y, z = quaternion_from_matrix(pose[:3, :3])
         numbers = " ".join(f"{value:.12f}" for value in (*pose[:3, 3], x, y, z, w))
         lines.append(f"{frame_index / FRAMES_PER_SECOND:.6f} {numbers}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def write_annotations(path: Path, seen_by_frame: Sequence[Sequence[TrueObject]]) -> None:
@@ -72,7 +74,7 @@ def write_annotations(path: Path, seen_by_frame: Sequence[Sequence[TrueObject]])
         "categories": [{"id": k + 1, "name": name} for k, name in enumerate(CLASSES)],
         "annotations": [{"id": i + 1, **entry} for i, entry in enumerate(annotations)],
     }
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(content, indent=1) + "\n")
 
 
 def _coco_annotation(frame_index: int, true: TrueObject) -> dict[str, Any]:
@@ -115,4 +117,5 @@ def write_detections(path: Path, rows: list[dict[str, Any]]) -> None:
             ("background_score", pa.float32()),
         ]
     )
-    pq.write_table(pa.Table.from_pylist(rows, schema=schema), path, compression="zstd")
+    with replacing(path) as file:
+        pq.write_table(pa.Table.from_pylist(rows, schema=schema), file, compression="zstd")

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imodbatch.atomic import write_text
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.errors import DataError
 from imodbatch.simulation.analytic.path import look_at
@@ -96,7 +97,7 @@ def write_backgrounds(
         path.unlink()
     found = {path.name: path.stat().st_size for path in paths}
     if found != sizes:
-        (folder / DONE).write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        write_text(folder / DONE, json.dumps(found, indent=1) + "\n")
     return paths
 
 
@@ -151,7 +152,7 @@ def _claim(folder: Path, settings: dict[str, Any]) -> None:
         return
     for path in (folder / DONE, *pictures):
         path.unlink(missing_ok=True)
-    about.write_text(json.dumps(settings, indent=1) + "\n", encoding="utf-8")
+    write_text(about, json.dumps(settings, indent=1) + "\n")
 
 
 def _sizes_when_done(folder: Path) -> dict[str, int]:

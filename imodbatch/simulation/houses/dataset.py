@@ -19,6 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from imodbatch.atomic import replacing_folder, sweep, write_text
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.errors import DataError
 from imodbatch.simulation.houses.drive import make_drive
@@ -128,7 +129,7 @@ def write_house_dataset(
     classes = [model.name for model in chosen]
     texts = manifest_texts(folder.name, split, classes, camera, sequence_ids)
     for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
+        write_text(folder / name, text)
     _write_done(folder, whole)
 
 
@@ -168,25 +169,20 @@ def _write_sequence(
     """One house: everything of it, then its name."""
     house = make_house(settings["split"], index, settings["seed"], models)
     drive = make_drive(house, settings["n_frames"])
-    folder = root / sequence_id(index)
-    unfinished = root / f".{folder.name}.partial"
-    shutil.rmtree(unfinished, ignore_errors=True)
-    unfinished.mkdir(parents=True)
-    seen_by_frame = []
-    for frame_index, frame in enumerate(frames(house, drive.world_from_cam, camera)):
-        write_images(unfinished, frame_index, frame)
-        seen_by_frame.append(frame.seen)
-        if advance is not None:
-            advance(frame_index + 1)
-    measured = odometry(drive, house.random(ODOMETRY_STREAM))
-    write_trajectory(unfinished / ODOMETRY_FILE, measured, "wheel odometry")
-    write_trajectory(unfinished / TRUE_POSES_FILE, drive.world_from_cam, "true poses")
-    classes = {model.name: model.symmetry for model in models}
-    write_annotations(unfinished / "annotations.json", camera, classes, seen_by_frame)
-    (unfinished / "objects.json").write_text(_objects(house, drive.kind), encoding="utf-8")
-    _write_done(unfinished, {**settings, "index": index})
-    shutil.rmtree(folder, ignore_errors=True)
-    unfinished.rename(folder)
+    with replacing_folder(root / sequence_id(index)) as unfinished:
+        seen_by_frame = []
+        for frame_index, frame in enumerate(frames(house, drive.world_from_cam, camera)):
+            write_images(unfinished, frame_index, frame)
+            seen_by_frame.append(frame.seen)
+            if advance is not None:
+                advance(frame_index + 1)
+        measured = odometry(drive, house.random(ODOMETRY_STREAM))
+        write_trajectory(unfinished / ODOMETRY_FILE, measured, "wheel odometry")
+        write_trajectory(unfinished / TRUE_POSES_FILE, drive.world_from_cam, "true poses")
+        classes = {model.name: model.symmetry for model in models}
+        write_annotations(unfinished / "annotations.json", camera, classes, seen_by_frame)
+        write_text(unfinished / "objects.json", _objects(house, drive.kind))
+        _write_done(unfinished, {**settings, "index": index})
 
 
 def _objects(house: House, kind: str) -> str:
@@ -206,7 +202,7 @@ def _objects(house: House, kind: str) -> str:
 
 def _write_done(folder: Path, settings: Settings) -> None:
     content = {"settings": settings, "bytes": _sizes(folder)}
-    (folder / DONE).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_text(folder / DONE, json.dumps(content, indent=1) + "\n")
 
 
 def _sizes(folder: Path) -> dict[str, int]:
@@ -218,6 +214,7 @@ def _sizes(folder: Path) -> dict[str, int]:
 
 def _drop_others(folder: Path, n_worlds: int) -> None:
     """Remove our sequences beyond the number wanted, and what an interrupted run left."""
+    sweep(folder)
     wanted = {sequence_id(index) for index in range(n_worlds)}
     for path in folder.iterdir():
         if path.is_dir() and path.name not in wanted:
@@ -231,7 +228,7 @@ def _check_is_ours(folder: Path) -> None:
     if not folder.is_dir():
         raise DataError(f"{folder}: is a file, expected a folder. Name another.")
     files = {DONE, CAMERA_FILE, MANIFEST, MANIFEST_TRUE}
-    ours = re.compile(r"house_\d+|\.house_\d+\.partial")
+    ours = re.compile(r"house_\d+|\..+\.partial")
     names = sorted(path.name for path in folder.iterdir())
     foreign = [name for name in names if name not in files and not ours.fullmatch(name)]
     if foreign:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from imodbatch.atomic import replacing, write_text
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import quaternion_from_matrix
 from imodbatch.simulation.analytic.sensor import to_millimetres
@@ -28,9 +29,8 @@ def color_file(frame_index: int) -> str:
 def write_color(path: Path, color: NDArray[np.uint8]) -> None:
     """A JPEG without chroma subsampling: small print stays. Whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.partial")
-    Image.fromarray(color).save(partial, "JPEG", quality=JPEG_QUALITY, subsampling=0)
-    partial.replace(path)
+    with replacing(path) as file:
+        Image.fromarray(color).save(file, "JPEG", quality=JPEG_QUALITY, subsampling=0)
 
 
 def write_images(folder: Path, frame_index: int, frame: HouseFrame) -> None:
@@ -39,7 +39,8 @@ def write_images(folder: Path, frame_index: int, frame: HouseFrame) -> None:
     path = folder / f"depth/{frame_index:06d}.png"
     path.parent.mkdir(parents=True, exist_ok=True)
     depth = to_millimetres(frame.measured_depth_m.astype(np.float64))
-    Image.fromarray(depth).save(path, compress_level=4)
+    with replacing(path) as file:
+        Image.fromarray(depth).save(file, "PNG", compress_level=4)
 
 
 def write_trajectory(path: Path, world_from_cam: NDArray[np.float64], what: str) -> None:
@@ -49,7 +50,7 @@ def write_trajectory(path: Path, world_from_cam: NDArray[np.float64], what: str)
         w, x, y, z = quaternion_from_matrix(pose[:3, :3])
         numbers = " ".join(f"{value:.9f}" for value in (*pose[:3, 3], x, y, z, w))
         lines.append(f"{frame_index / FRAMES_PER_SECOND:.6f} {numbers}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def write_annotations(
@@ -86,7 +87,7 @@ def write_annotations(
         ],
         "annotations": [{"id": i + 1, **entry} for i, entry in enumerate(annotations)],
     }
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(content, indent=1) + "\n")
 
 
 def _annotation(frame_index: int, seen: SeenTarget) -> dict[str, Any]:
@@ -120,4 +121,4 @@ def write_camera(path: Path, camera: PinholeCamera) -> None:
         "depth_scale_m": 0.001,
         "frames_per_second": FRAMES_PER_SECOND,
     }
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(content, indent=1) + "\n")

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from imodbatch.atomic import sweep, write_text
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.errors import DataError
 from imodbatch.simulation.houses.manifests import safe_name
@@ -98,6 +99,7 @@ def write_scenes(
         raise DataError(f"{folder}: is a file, expected a folder. Name another.")
     folder = folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
+    sweep(folder)
     jobs = _jobs(n_worlds, n_frames)
     common = {"version": VERSION, "split": split, "seed": seed, "camera": asdict(camera)}
     total = sum(job.n_frames for job in jobs)
@@ -109,7 +111,7 @@ def write_scenes(
         n_done += n_frames_done
         progress(n_done, total)
     text = _manifest_text(folder.name, split, camera, jobs)
-    (folder / MANIFEST).write_text(text, encoding="utf-8")
+    write_text(folder / MANIFEST, text)
 
 
 def _jobs(n_worlds: int | None, n_frames: int | None) -> list[_Job]:
@@ -143,7 +145,7 @@ def _write_sequence(root: Path, job: _Job, common: dict[str, Any], camera: Pinho
     write_truth(root, job.place, house, camera, walk, seen_by_frame, classes)
     done = {"settings": _settings(job, common), "bytes": _sizes(root, job)}
     text = json.dumps(done, indent=1) + "\n"
-    (root / TRUTH / job.place.path / DONE).write_text(text, encoding="utf-8")
+    write_text(root / TRUTH / job.place.path / DONE, text)
     return job.n_frames
 
 

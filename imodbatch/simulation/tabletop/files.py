@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.io import savemat
 
+from imodbatch.atomic import replacing, write_text
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import quaternion_from_matrix
 from imodbatch.simulation.analytic.sensor import to_millimetres
@@ -70,9 +71,10 @@ def write_frame(root: Path, place: Place, frame_index: int, frame: HouseFrame) -
     """Colour, and measured depth in millimetres."""
     color, depth = root / place.color_file(frame_index), root / place.depth_file(frame_index)
     color.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(frame.color).save(color, compress_level=3)
     millimetres = to_millimetres(frame.measured_depth_m.astype(np.float64))
-    Image.fromarray(millimetres).save(depth, compress_level=3)
+    for path, pixels in ((color, frame.color), (depth, millimetres)):
+        with replacing(path) as file:
+            Image.fromarray(pixels).save(file, "PNG", compress_level=3)
 
 
 def write_boxes(path: Path, seen_by_frame: Sequence[Sequence[SeenTarget]]) -> None:
@@ -84,7 +86,8 @@ def write_boxes(path: Path, seen_by_frame: Sequence[Sequence[SeenTarget]]) -> No
     for frame_index, all_seen in enumerate(seen_by_frame):
         cells[0, frame_index] = _structs([one for one in all_seen if is_annotated(one)])
     path.parent.mkdir(parents=True, exist_ok=True)
-    savemat(path, {"bboxes": cells}, do_compression=True)
+    with replacing(path) as file:
+        savemat(file, {"bboxes": cells}, do_compression=True)
 
 
 def is_annotated(seen: SeenTarget) -> bool:
@@ -118,7 +121,7 @@ def write_truth(
     folder = root / TRUTH / place.path
     folder.mkdir(parents=True, exist_ok=True)
     lines = [_pose_line(k, pose) for k, pose in enumerate(walk_world_from_cam)]
-    (folder / "poses.pose").write_text("".join(lines), encoding="utf-8")
+    write_text(folder / "poses.pose", "".join(lines))
     up = "../" * (len(Path(TRUTH, place.path).parts))
     write_annotations(
         folder / "annotations.json",
@@ -136,7 +139,7 @@ def write_truth(
         }
         for target in house.targets
     ]
-    (folder / "objects.json").write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
+    write_text(folder / "objects.json", json.dumps(objects, indent=1) + "\n")
 
 
 def _pose_line(frame_index: int, world_from_cam: NDArray[np.float64]) -> str:
