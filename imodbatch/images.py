@@ -1,5 +1,8 @@
 """Image files: colour → (H, W, 3) uint8 RGB; depth → (H, W) float32 metres, NaN = none."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +12,7 @@ from PIL import Image, UnidentifiedImageError
 from imodbatch.core.depth import DepthImage
 from imodbatch.errors import DataError
 
+FORMATS = ("PNG", "JPEG", "TIFF", "PPM", "BMP", "WEBP")  # by content, not by name; PPM: PGM, too
 DEPTH_MODES = ("I;16", "I;16B", "I")  # how Pillow names 16-bit grey; "I" when it widens to 32 bit
 JPEG_SCAN, JPEG_END = b"\xff\xda", b"\xff\xd9"
 DAMAGE = (OSError, SyntaxError, ValueError, Image.DecompressionBombError)
@@ -68,6 +72,35 @@ def check_color_mode(path: Path, mode: str) -> None:
         )
 
 
+def open_image(path: Path) -> Image.Image:
+    """Open a file of one of the `FORMATS`; for an EPS, Pillow would start another program.
+
+    Raises:
+        OSError: it is not there, or of no such format.
+    """
+    return Image.open(path, formats=FORMATS)
+
+
+@contextmanager
+def only_listed_formats(*more: str) -> Iterator[None]:
+    """Within the block, who calls Pillow's ``Image.open`` gets `FORMATS` and these alone."""
+    everything = Image.open
+    Image.open = partial(everything, formats=(*FORMATS, *more))
+    try:
+        yield
+    finally:
+        Image.open = everything
+
+
+def is_listed(path: Path) -> bool:
+    """Whether a file is of one of the `FORMATS`, by its header."""
+    try:
+        with open_image(path):
+            return True
+    except DAMAGE:
+        return False
+
+
 def probe(path: Path) -> tuple[int, int, str]:
     """Width, height and Pillow mode from a file's header alone.
 
@@ -75,7 +108,7 @@ def probe(path: Path) -> tuple[int, int, str]:
         UnreadableImageError: the file is missing or no image.
     """
     try:
-        with Image.open(path) as image:
+        with open_image(path) as image:
             return image.width, image.height, image.mode
     except FileNotFoundError:
         raise UnreadableImageError(f"{path}: no such file.") from None
@@ -89,9 +122,9 @@ def _decode(path: Path) -> Image.Image:
     """The whole image. Pillow's decoders skip a PNG's checksums and the end mark of a JPEG."""
     probe(path)
     try:
-        with Image.open(path) as unchecked:
+        with open_image(path) as unchecked:
             unchecked.verify()
-        image = Image.open(path)
+        image = open_image(path)
         image.load()
         if image.format == "JPEG" and not _has_end(path.read_bytes()):
             raise OSError("the end of the JPEG is missing")

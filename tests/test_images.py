@@ -1,15 +1,25 @@
 """Images: right numbers or an error, never a part of a picture."""
 
 import struct
+import subprocess
 import zlib
 
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import EpsImagePlugin, Image
 
 from imodbatch.errors import DataError
-from imodbatch.images import UnreadableImageError, check_depth_mode, probe, read_color, read_depth
+from imodbatch.images import (
+    UnreadableImageError,
+    check_depth_mode,
+    only_listed_formats,
+    probe,
+    read_color,
+    read_depth,
+)
+from imodbatch.simulation.models.loading import load_model
+from imodbatch.training.backgrounds import random_background
 
 HEIGHT, WIDTH = 120, 160
 ROWS, COLUMNS = np.mgrid[0:HEIGHT, 0:WIDTH]
@@ -243,3 +253,92 @@ def test_an_impossible_size_is_an_unreadable_image(tmp_path):
     path = tmp_path / "a.png"
     path.write_bytes(png)
     fault(lambda: read_color(path), path)
+
+
+EPS = b"""%!PS-Adobe-3.0 EPSF-3.0
+%%BoundingBox: 0 0 8 8
+%%EndComments
+0 0 8 8 rectfill
+%%EOF
+"""
+
+
+def forbidden(*arguments, **_options):
+    raise AssertionError(f"started a program or another decoder: {arguments}")
+
+
+@pytest.fixture(params=["EPS", "GIF", "ICO", "FITS"])
+def disguised(request, tmp_path, monkeypatch):
+    """A file of a format that is not listed, called .png; no program may be started for it."""
+    path = tmp_path / "a.png"
+    if request.param == "EPS":
+        path.write_bytes(EPS)
+    elif request.param == "FITS":
+        head = ("SIMPLE  =                    T", "BITPIX  =                    8")
+        head += ("NAXIS   =                    2", "NAXIS1  =                    8")
+        head += ("NAXIS2  =                    8", "END")
+        path.write_bytes("".join(f"{card:80}" for card in head).ljust(2880).encode() + bytes(2880))
+    else:
+        Image.new("RGB", (32, 32), (200, 10, 30)).save(path, request.param)
+    with Image.open(path) as image:
+        assert image.format == request.param
+    for owner, name in ((subprocess, "Popen"), (EpsImagePlugin, "Ghostscript")):
+        monkeypatch.setattr(owner, name, forbidden)
+    monkeypatch.setattr(Image.OPEN[request.param][0], "load", forbidden, raising=False)
+    return path
+
+
+@pytest.mark.parametrize("read", [probe, read_color, depth_of])
+def test_formats_that_are_not_listed_are_refused_whatever_their_name(disguised, read):
+    fault(lambda: read(disguised), disguised, "not a readable image", "Restore the file")
+
+
+def test_a_background_of_another_format_is_refused(disguised):
+    rng = np.random.default_rng(0)
+    fault(lambda: random_background([disguised], 8, 8, rng), disguised, "not a", kind=DataError)
+
+
+@pytest.mark.parametrize("file_format", ["PNG", "JPEG", "TIFF", "PPM", "BMP", "WEBP"])
+def test_listed_formats_are_read_whatever_their_name(tmp_path, file_format):
+    smooth = np.stack([COLUMNS, ROWS, ROWS], axis=-1).astype(np.uint8)
+    path = saved(tmp_path / "a.dat", smooth, format=file_format)
+    assert np.abs(read_color(path).astype(int) - smooth).max() < 20
+
+
+def test_a_grey_pgm_is_read(tmp_path):
+    assert np.array_equal(depth_of(saved(tmp_path / "a.pgm", RAW), 1.0)[1:], RAW[1:])
+
+
+OBJ = """mtllib box.mtl
+v 0 0 0
+v 1 0 0
+v 0 1 0
+v 0 0 1
+vt 0 0
+vt 1 0
+vt 0 1
+usemtl skin
+f 1/1 2/2 3/3
+f 1/1 2/2 4/3
+f 1/1 3/2 4/3
+f 2/1 3/2 4/3
+"""
+
+
+def test_a_texture_of_another_format_is_not_opened(disguised):
+    folder = disguised.parent
+    (folder / "box.obj").write_text(OBJ)
+    (folder / "box.mtl").write_text("newmtl skin\nKd 0.2 0.4 0.6\nmap_Kd a.png\n")
+    with pytest.warns(UserWarning, match=r"its texture 'a.png' cannot be read"):
+        model = load_model(folder / "box.obj")
+    assert model.mesh.texture.reshape(-1, 3).std(axis=0).max() == 0
+
+
+def test_pillow_opens_all_it_knows_again_after_a_library_was_kept_to_the_list(tmp_path):
+    path = saved(tmp_path / "a.gif", GREY)
+    everything = Image.open
+    with pytest.raises(OSError, match="cannot identify"), only_listed_formats():
+        Image.open(path)
+    assert Image.open is everything
+    with Image.open(path) as image:
+        assert image.format == "GIF"

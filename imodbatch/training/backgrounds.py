@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.errors import DataError
+from imodbatch.images import is_listed
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".bmp", ".webp"}
 SMALLEST_CROP = 0.45
@@ -37,7 +38,7 @@ def random_background(
         DataError: the picture cannot be read.
     """
     path = paths[int(rng.integers(len(paths)))]
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    picture = cv2.imread(str(path), cv2.IMREAD_COLOR) if is_listed(path) else None
     if picture is None:
         raise DataError(f"{path}: not a readable picture. Remove it from the backgrounds.")
     h, w = picture.shape[:2]

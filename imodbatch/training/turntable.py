@@ -19,8 +19,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from imodbatch.atomic import write_text
 from imodbatch.core.viewpoint import FULL_TURN_RAD
 from imodbatch.errors import DataError
+from imodbatch.images import is_listed
 from imodbatch.simulation.mesh import Symmetry
 from imodbatch.training.cutouts import Cutout, Pixels, crop_to_object, load_cutouts, write_cutouts
 
@@ -89,7 +91,7 @@ def read_turntable(
             own = TurntableCounts()
             cutouts = list(_cutouts(path, azimuth_sign, own))
             tally.parent.mkdir(parents=True, exist_ok=True)
-            tally.write_text(json.dumps(own.by_outcome), encoding="utf-8")
+            write_text(tally, json.dumps(own.by_outcome))
             if cutouts:
                 write_cutouts(stem, category, path.name, symmetry, cutouts)
         for outcome, n in json.loads(tally.read_text(encoding="utf-8")).items():
@@ -206,6 +208,8 @@ def _masked(path: Path, mask_path: Path, place: Path | None) -> Pixels | None:
         mask_path: of the same size, or of a part of the picture.
         place: where that part lies; None = the mask is of the picture's size.
     """
+    if not (is_listed(path) and is_listed(mask_path)):
+        return None
     color, mask = cv2.imread(str(path)), cv2.imread(str(mask_path), cv2.IMREAD_GRAYSCALE)
     if color is not None and mask is not None and place is not None:
         color = _part(color, place, mask.shape)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from imodbatch.core.frames import apply
 from imodbatch.errors import DataError
+from imodbatch.images import only_listed_formats
 from imodbatch.simulation.mesh import Surface
 from imodbatch.simulation.models.atlas import texture_of_corner_colors, unrepeat
 
@@ -76,9 +77,10 @@ def read_parts(path: Path, up: str | None = None, unit_m: float | None = None) -
         raise DataError(f"{path}: expected one of {', '.join(MESH_SUFFIXES)}. Convert the model.")
     resolver: Any = _Asked(path)
     try:
-        scene = trimesh.load_scene(
-            str(path), file_type=path.suffix[1:].lower(), resolver=resolver, process=False
-        )
+        with only_listed_formats("TGA"):
+            scene = trimesh.load_scene(
+                str(path), file_type=path.suffix[1:].lower(), resolver=resolver, process=False
+            )
         nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
         stated_up, stated_unit_m = _stated(path)
     except Exception as error:  # trimesh lets through whatever its parsers meet
