@@ -119,15 +119,16 @@ def _stage_command(stage: str) -> click.Command:
         device: str | None = None,
     ) -> None:
         from imodbatch import runner
+        from imodbatch.run_lock import only_writer
         from imodbatch.wiring import stages_of
 
         if device is not None:
             settings = (*settings, f"detect.device={device}")
         plan = _plan(manifest, pipeline, out, sequences, settings)
         todo = stages_of(plan.context) if stage == "run" else (stage,)
-        if stage != "run":
-            _warn_of_stale_inputs(plan, stage)
-        with runner.open_executor(workers, scheduler) as executor:
+        with only_writer(plan.run_dir), runner.open_executor(workers, scheduler) as executor:
+            if stage != "run":
+                _warn_of_stale_inputs(plan, stage)
             for name in todo:
                 if name == "report":
                     _write_report(plan, pipeline)

@@ -8,8 +8,8 @@ from textwrap import wrap
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from imodbatch.errors import ConfigError
 from imodbatch.atomic import replacing, write_text
+from imodbatch.errors import ConfigError
 from imodbatch.reporting.azimuths import azimuth_block, azimuth_csv, azimuth_grid, azimuth_remark
 from imodbatch.reporting.comparison import Comparison, compare_runs
 from imodbatch.reporting.grids import Grid

@@ -19,3 +19,7 @@ class DataError(ImodError):
 
 class TableError(ImodError):
     """A Parquet table is missing, breaks its schema or holds a key twice."""
+
+
+class RunLockedError(ImodError):
+    """Another command is writing in the run folder."""

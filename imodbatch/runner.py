@@ -4,14 +4,19 @@ A table's provenance names everything its content depends on: package and schema
 settings of its step, the identity of its input tables, and the files outside. Where the provenance
 on disk equals the one expected, nothing is done; else the step is done again and its tables
 replaced. Whatever reads them then differs in its own provenance, and so on down the pipeline.
+
+A step's provenance names what the step has read: input tables by the metadata of the very files
+whose rows it takes, files outside by what they were before the step.
 """
 
+import os
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
+from threading import Thread
 from typing import Any, NoReturn
 
 import pyarrow as pa
@@ -25,10 +30,11 @@ from imodbatch.schemas import TABLES
 from imodbatch.stages.base import Progress
 from imodbatch.tables import (
     PER_RUN,
+    Stored,
     TableInfo,
     digest,
     read_info,
-    read_table,
+    read_stored,
     table_path,
     write_table,
 )
@@ -37,6 +43,8 @@ from imodbatch.wiring import STAGES, STEPS, Step, stages_of
 UP_TO_DATE, DONE, FAILED = "up to date", "done", "failed"
 STALE, MISSING = "stale", "missing"
 PER_RUN_LABEL = "all"
+Identities = dict[str, dict[str, str]]
+"""Of tables, by name and then by sequence or `PER_RUN`."""
 
 
 @dataclass(frozen=True)
@@ -171,11 +179,12 @@ def _stages_before(stage: str) -> set[str]:
 
 def load(plan: Plan, table: str, columns: list[str] | None = None) -> pa.Table:
     """A table of all chosen sequences, or of the run."""
-    spec = TABLES[table]
-    units = [PER_RUN] if spec.per_run else [sequence.id for sequence in plan.sequences]
-    parts = [_read(plan, table, unit) for unit in units]
-    joined = pa.concat_tables(part.select(columns or part.column_names) for part in parts)
-    return joined.combine_chunks()
+    return _joined(_open(plan, table, plan.sequences).values(), columns)
+
+
+def _joined(parts: Iterable[Stored], columns: list[str] | None = None) -> pa.Table:
+    rows = [part.rows.select(columns or part.rows.column_names) for part in parts]
+    return pa.concat_tables(rows).combine_chunks()
 
 
 @contextmanager
@@ -200,10 +209,23 @@ def open_executor(workers: int, scheduler: str | None) -> Iterator[Executor | No
                 f"--scheduler {scheduler}: no Dask scheduler answers there. Start `dask scheduler`."
             ) from None
     elif workers > 1:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        spawn = get_context("spawn")
+        with ProcessPoolExecutor(workers, spawn, initializer=_end_with_parent) as pool:
             yield pool
     else:
         yield None
+
+
+def _end_with_parent() -> None:
+    """Have this worker die with the process that holds the run folder's lock."""
+
+    def wait_and_end() -> None:
+        parent = parent_process()
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    Thread(target=wait_and_end, daemon=True).start()
 
 
 def _units(plan: Plan, step: Step) -> list[tuple[SequenceSection, ...]]:
@@ -251,8 +273,10 @@ def _run_unit(
         if not overwrite and _is_up_to_date(plan, step, sequences):
             info = read_info(_output_paths(plan, step, sequences)[0])
             return Outcome(step.stage, step.title, label, UP_TO_DATE, info.summary if info else "")
-        provenance = _provenance(plan, step, sequences)
-        tables = {name: load(replace(plan, sequences=sequences), name) for name in step.reads}
+        # In this order: a file that changes while the step reads it leaves the table stale.
+        files = _files_digest(plan, step, sequences)
+        tables, identities = _read_inputs(plan, step, sequences)
+        provenance = _provenance(plan, step, sequences, identities, files)
         result = step.execute(plan.context, sequences[0], tables, progress)
         for name, path in zip(step.writes, _output_paths(plan, step, sequences), strict=True):
             spec = TABLES[name]
@@ -274,7 +298,12 @@ def _is_up_to_date(plan: Plan, step: Step, sequences: tuple[SequenceSection, ...
     infos = [read_info(path) for path in _output_paths(plan, step, sequences)]
     if any(info is None for info in infos):
         return False
-    expected = _provenance(plan, step, sequences)
+    identities = {
+        name: {unit: _identity(plan, name, unit) for unit in _table_units(name, sequences)}
+        for name in step.reads
+    }
+    files = _files_digest(plan, step, sequences)
+    expected = _provenance(plan, step, sequences, identities, files)
     return all(
         info is not None
         and info.version == TABLES[name].version
@@ -283,41 +312,62 @@ def _is_up_to_date(plan: Plan, step: Step, sequences: tuple[SequenceSection, ...
     )
 
 
-def _provenance(plan: Plan, step: Step, sequences: tuple[SequenceSection, ...]) -> dict[str, Any]:
+def _provenance(
+    plan: Plan,
+    step: Step,
+    sequences: tuple[SequenceSection, ...],
+    identities: Identities,
+    files: str,
+) -> dict[str, Any]:
     """Everything that the tables of a step depend on.
 
-    Raises:
-        TableError: a table it reads is missing.
+    Args:
+        plan: the run.
+        step: of it.
+        sequences: that the step is done for.
+        identities: of the tables it reads.
+        files: digest of the files outside that it reads.
     """
-    settings = step.depends_on(plan.context, sequences[0])
-    inputs = {
-        name: {sequence.id: _identity(plan, name, sequence.id) for sequence in sequences}
-        for name in step.reads
-    }
-    files = step.files(plan.context, sequences[0])
     return {
         "imodbatch": __version__,
         "stage": step.stage,
-        "settings": settings,
-        "inputs": inputs,
-        "files": _files_digest(files, plan.context.manifest.root_path),
+        "settings": step.depends_on(plan.context, sequences[0]),
+        "inputs": identities,
+        "files": files,
     }
 
 
-def _identity(plan: Plan, table: str, sequence_id: str) -> str:
-    spec = TABLES[table]
-    path = table_path(plan.run_dir, table, PER_RUN if spec.per_run else sequence_id)
+def _table_units(table: str, sequences: tuple[SequenceSection, ...]) -> list[str]:
+    return [PER_RUN] if TABLES[table].per_run else [sequence.id for sequence in sequences]
+
+
+def _identity(plan: Plan, table: str, unit: str) -> str:
+    path = table_path(plan.run_dir, table, unit)
     info = read_info(path)
     if info is None:
         _explain_missing(path, table)
     return info.digest
 
 
-def _read(plan: Plan, table: str, unit: str) -> pa.Table:
-    path = table_path(plan.run_dir, table, unit)
-    if not path.exists():
-        _explain_missing(path, table)
-    return read_table(path, TABLES[table])
+def _read_inputs(
+    plan: Plan, step: Step, sequences: tuple[SequenceSection, ...]
+) -> tuple[dict[str, pa.Table], Identities]:
+    """The tables that a step reads, and the identities of the files that they are from."""
+    tables, identities = {}, {}
+    for name in step.reads:
+        parts = _open(plan, name, sequences)
+        tables[name] = _joined(parts.values())
+        identities[name] = {unit: part.info.digest for unit, part in parts.items()}
+    return tables, identities
+
+
+def _open(plan: Plan, table: str, sequences: tuple[SequenceSection, ...]) -> dict[str, Stored]:
+    """The parts of a table by unit, each read once."""
+    paths = {unit: table_path(plan.run_dir, table, unit) for unit in _table_units(table, sequences)}
+    for path in paths.values():
+        if read_info(path) is None:
+            _explain_missing(path, table)
+    return {unit: read_stored(path, TABLES[table]) for unit, path in paths.items()}
 
 
 def _explain_missing(path: Path, table: str) -> NoReturn:
@@ -327,10 +377,11 @@ def _explain_missing(path: Path, table: str) -> NoReturn:
     raise TableError(f"{path}: {fault}. Run `imodbatch {stage}` or `imodbatch run` first.")
 
 
-def _files_digest(files: Iterable[Path], root: Path) -> str:
+def _files_digest(plan: Plan, step: Step, sequences: tuple[SequenceSection, ...]) -> str:
     """Digest of paths, sizes and modification times; a missing file is a state of its own."""
+    root = plan.context.manifest.root_path
     facts: list[tuple[str, int, int]] = []
-    for path in files:
+    for path in step.files(plan.context, sequences[0]):
         name = path.relative_to(root).as_posix() if path.is_relative_to(root) else str(path)
         try:
             stat = path.stat()

@@ -6,15 +6,15 @@ content depends on) and the stage's summary. Equal provenance means: up to date.
 
 import hashlib
 import json
-import os
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from imodbatch.atomic import replacing
 from imodbatch.errors import TableError
 from imodbatch.schemas import TABLES, TableSpec
 
@@ -25,6 +25,7 @@ ARROW_ERRORS = (
     OverflowError,
     ValueError,
 )
+UNREADABLE = (pa.ArrowInvalid, KeyError, TypeError, ValueError)
 METADATA_KEY = b"imodbatch"
 PER_RUN = "run"
 
@@ -55,6 +56,14 @@ class TableInfo:
     def digest(self) -> str:
         """Digest of table name, version and provenance: the table's identity."""
         return digest([self.table, self.version, self.provenance])
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What one file held: `info` is of these `rows` and no others."""
+
+    info: TableInfo
+    rows: pa.Table
 
 
 def digest(value: object) -> str:
@@ -129,28 +138,28 @@ def write_table(path: Path, table: pa.Table, info: TableInfo) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     stored = {"key": list(info.key), "digest": info.digest, **asdict(info)}
     metadata = {METADATA_KEY: json.dumps(stored, ensure_ascii=False, default=str).encode()}
-    partial = path.with_name(f".{path.name}.partial")  # a leading dot: dataset readers skip it
-    with partial.open("wb") as file:
+    with replacing(path) as file:
         pq.write_table(
             table.replace_schema_metadata({**(table.schema.metadata or {}), **metadata}),
             file,
             compression="zstd",
             write_page_checksum=True,
         )
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(path)
 
 
 def read_info(path: Path) -> TableInfo | None:
     """A table's metadata, or None when there is no such table or it cannot be read."""
     try:
-        metadata = pq.read_schema(path).metadata or {}
-        stored = json.loads(metadata[METADATA_KEY])
-        names = ("table", "version", "key", "provenance", "summary", "attributes")
-        values = {name: stored[name] for name in names}
-    except (OSError, pa.ArrowInvalid, KeyError, TypeError, ValueError):
+        return _info(pq.read_schema(path))
+    except (OSError, *UNREADABLE):
         return None
+
+
+def _info(schema: pa.Schema) -> TableInfo:
+    """What a file's schema says; one of `UNREADABLE` where it is no table of ours."""
+    stored = json.loads((schema.metadata or {})[METADATA_KEY])
+    names = ("table", "version", "key", "provenance", "summary", "attributes")
+    values = {name: stored[name] for name in names}
     return TableInfo(**{**values, "key": tuple(values["key"])})
 
 
@@ -161,25 +170,42 @@ def attributes_of(table: pa.Table) -> dict[str, Any]:
 
 
 def read_table(path: Path, spec: TableSpec) -> pa.Table:
-    """Read and check a table.
+    """Read and check a table's rows; see `read_stored`."""
+    return read_stored(path, spec).rows
+
+
+def read_stored(path: Path, spec: TableSpec) -> Stored:
+    """Read and check a table; metadata and rows are of one file, even if it is replaced meanwhile.
 
     Raises:
         TableError: it is missing, damaged, or of another schema version.
     """
-    stage = "the stage before this one"
-    if not path.exists():
-        raise TableError(f"{path}: no such table. Run {stage} first, or `imodbatch run`.")
-    info = read_info(path)
-    if info is None:
-        raise TableError(f"{path}: not a readable imodbatch table. Delete it and run again.")
+    try:
+        file = path.open("rb")
+    except FileNotFoundError:
+        raise TableError(
+            f"{path}: no such table. Run the stage before this one first, or `imodbatch run`."
+        ) from None
+    with file:
+        return _read_open(path, file, spec)
+
+
+def _read_open(path: Path, file: BinaryIO, spec: TableSpec) -> Stored:
+    try:
+        parquet = pq.ParquetFile(file, page_checksum_verification=True)
+        info = _info(parquet.schema_arrow)
+    except (OSError, *UNREADABLE):
+        raise TableError(
+            f"{path}: not a readable imodbatch table. Delete it and run again."
+        ) from None
     if (info.table, info.version) != (spec.name, spec.version):
         raise TableError(
             f"{path}: holds {info.table} version {info.version}, expected {spec.name} version "
             f"{spec.version}. Delete the run folder and run again."
         )
     try:
-        table = pq.read_table(path, partitioning=None, page_checksum_verification=True)
-        return conform(table, spec).replace_schema_metadata(table.schema.metadata)
+        rows = conform(parquet.read(), spec)
+        return Stored(info, rows.replace_schema_metadata(parquet.schema_arrow.metadata))
     except (OSError, pa.ArrowInvalid) as error:
         message = str(error).splitlines()[0]
         raise TableError(f"{path}: damaged ({message}). Delete it and run again.") from None

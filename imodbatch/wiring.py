@@ -19,7 +19,7 @@ from imodbatch.core.scoring import Candidates, Truth
 from imodbatch.datasets.annotations import annotation_files
 from imodbatch.datasets.detections import detection_files, read_detections
 from imodbatch.datasets.registry import adapter_of, annotated, camera_model, layout_files
-from imodbatch.engines.detector.card import weights_digest
+from imodbatch.engines.detector.card import Checkpoint, read_checkpoint
 from imodbatch.errors import ConfigError
 from imodbatch.manifest import SequenceSection
 from imodbatch.posing import pose_files, pose_step, quality_step, reference_files
@@ -105,8 +105,7 @@ def _detect(
             grid,
         )
         return detect.run_imported(sequence.id, imported, context.n_classes, grid, config)
-    weights = _weights(context)
-    detector = _detector(weights, config.device, weights_digest(weights))
+    detector = _detector(read_checkpoint(_weights(context)), config.device)
     _check_card(detector.card, context)
     return detect.run_detector(
         tables["frames"], context.read_color, detector, context.n_classes, grid, config, progress
@@ -125,12 +124,11 @@ def _weights(context: Context) -> Path:
 
 
 @lru_cache(maxsize=1)
-def _detector(weights: Path, device: str, digest: str) -> Any:
-    """One detector for all sequences of a process; `digest` tells other weights of that name."""
-    from imodbatch.engines.detector.inference import load_detector
+def _detector(checkpoint: Checkpoint, device: str) -> Any:
+    """One detector for all sequences of a process; other bytes under the same name are another."""
+    from imodbatch.engines.detector.inference import make_detector
 
-    del digest
-    return load_detector(weights, device)
+    return make_detector(checkpoint, device)
 
 
 def _check_card(card: Any, context: Context) -> None:

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import pytest
 from click.testing import Result
 
-from imodbatch import runner
+from imodbatch import runner, tables
 from imodbatch.cli import main
 from imodbatch.tables import read_info
 from imodbatch.wiring import STEPS, Step
@@ -344,6 +344,86 @@ def test_status_behind_a_missing_table_is_stale(project: Project) -> None:
     }
 
 
+# What changes while a run is at work
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """As another run does: under another name, then renamed."""
+    beside = path.with_name(f"{path.name}.new")
+    beside.write_bytes(content)
+    beside.replace(path)
+
+
+def step_with(stage: str, **hooks: Callable[[], None]) -> tuple[Step, ...]:
+    """All steps; those of a stage call a hook first, wherever they call a function of that name."""
+
+    def hooked(function: Callable[..., Any], hook: Callable[[], None]) -> Callable[..., Any]:
+        return lambda *arguments: (hook(), function(*arguments))[1]
+
+    def changed(step: Step) -> Step:
+        calls = {name: hooked(getattr(step, name), hook) for name, hook in hooks.items()}
+        return replace(step, **calls)
+
+    return tuple(changed(step) if step.stage == stage else step for step in STEPS)
+
+
+@pytest.mark.parametrize("moment", ["files", "depends_on", "execute"])
+def test_an_input_that_is_replaced_while_a_step_begins(
+    project: Project, finished: Project, moment: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rows of one table must never stand under the identity of another."""
+    path = project.tables / "detections" / "walk_1.parquet"
+    ours = path.read_bytes()
+    project.call("detect", "--set", "detect.score_threshold=0.3")
+    theirs = path.read_bytes()
+    replace_file(path, ours)
+    with monkeypatch.context() as patch:
+        steps = step_with("lift", **{moment: lambda: replace_file(path, theirs)})
+        patch.setattr(runner, "STEPS", steps)
+        patch.setattr(runner, "stale_inputs", lambda *_: [])  # it asks for the files, too
+        project.call("lift", "--overwrite", "--sequence", "walk_1")
+    project.call("run")
+    assert project.bytes_by_file() == finished.bytes_by_file()
+
+
+def test_an_input_that_is_replaced_between_its_metadata_and_its_rows(
+    project: Project, finished: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = project.tables / "detections" / "walk_1.parquet"
+    ours = path.read_bytes()
+    project.call("detect", "--set", "detect.score_threshold=0.3")
+    theirs = path.read_bytes()
+    assert len(ours) != len(theirs)
+    replace_file(path, ours)
+    told = []
+
+    class Told(tables.pq.ParquetFile):  # type: ignore[misc]
+        def read(self, *arguments: Any, **options: Any) -> Any:
+            if "view_scores" in self.schema_arrow.names:
+                replace_file(path, theirs)
+                told.append(path)
+            return super().read(*arguments, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tables.pq, "ParquetFile", Told)
+        project.call("lift", "--overwrite", "--sequence", "walk_1")
+    assert told
+    lifted = "observations/walk_1.parquet"
+    assert project.bytes_by_file()[lifted] == finished.bytes_by_file()[lifted]
+
+
+def test_a_file_that_changes_while_a_step_reads_it_leaves_the_table_stale(
+    project: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trajectory = project.folder / "data" / "walk_1" / "trajectory.txt"
+    with monkeypatch.context() as patch:
+        steps = step_with("poses", execute=lambda: touch(trajectory))
+        patch.setattr(runner, "STEPS", steps)
+        project.call("poses", "--overwrite", "--sequence", "walk_1")
+    assert project.redone("run")[0] == "poses walk_1"
+    assert project.redone("run") == []
+
+
 # One stage alone
 
 
@@ -474,7 +554,8 @@ def test_a_killed_run_is_taken_up_again(number: int, fresh: Project, finished: P
         process.join()
         assert process.exitcode == -signal.SIGKILL
         assert not path.exists()
-    partial = path.with_name(f".{path.name}.partial")
+    (partial,) = fresh.tables.rglob(".*.partial")
+    assert partial.parent == path.parent
     assert read_info(partial) is not None  # it was whole; only its name was not its own yet
 
     label = "all" if STEPS[number].per_run else BOTH[-1]
@@ -483,3 +564,27 @@ def test_a_killed_run_is_taken_up_again(number: int, fresh: Project, finished: P
     assert redone == ALL_LINES[-len(redone) :]
     assert fresh.bytes_by_file() == finished.bytes_by_file()
     assert list(fresh.tables.rglob("*.partial")) == []
+
+
+def test_a_kill_between_two_tables_of_a_step_leaves_both_to_be_redone(
+    project: Project, tmp_path: Path
+) -> None:
+    """The first is of the new settings already, the second of the old ones: neither is kept."""
+    alone = replace(project, folder=tmp_path / "alone")
+    shutil.copytree(project.folder, alone.folder)
+    setting = ("--set", "fuse.cell_reduce=max")
+    alone.call("run", *setting)
+
+    number = next(i for i, step in enumerate(STEPS) if step.writes == ("fused", "objects"))
+    processes = multiprocessing.get_context("forkserver")
+    arguments = project.arguments("run", *setting)
+    process = processes.Process(target=run_and_die_renaming, args=(number, arguments))
+    process.start()
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
+    new, old = (project.tables / name / "walk_2.parquet" for name in STEPS[number].writes)
+    infos = [read_info(new), read_info(old)]
+    assert [i.provenance["settings"]["fuse"]["cell_reduce"] for i in infos if i] == ["max", "mean"]
+
+    assert project.redone("run", *setting)[0] == "fuse walk_2"
+    assert project.bytes_by_file() == alone.bytes_by_file()

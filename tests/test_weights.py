@@ -114,7 +114,7 @@ def test_other_weights_of_the_same_name_are_another_provenance(
     plan = Plan(Context(manifest, pipeline, tmp_path / "run"), manifest.sequences)
     list(runner.run_stage(plan, "index"))
     step = next(step for step in STEPS if step.stage == "detect")
-    before = runner._provenance(plan, step, plan.sequences)
-    assert runner._provenance(plan, step, plan.sequences) == before
+    before = runner._files_digest(plan, step, plan.sequences)
+    assert runner._files_digest(plan, step, plan.sequences) == before
     (shipped / "robot17_3x16.safetensors").write_bytes(b"weights of a longer training")
-    assert runner._provenance(plan, step, plan.sequences) != before
+    assert runner._files_digest(plan, step, plan.sequences) != before

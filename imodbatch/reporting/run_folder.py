@@ -8,7 +8,7 @@ import pyarrow as pa
 from imodbatch.errors import TableError
 from imodbatch.reporting.results import Results
 from imodbatch.schemas import TABLES
-from imodbatch.tables import TableInfo, read_info, read_table, table_path
+from imodbatch.tables import Stored, TableInfo, read_info, read_stored, read_table, table_path
 
 CURE = "Bring it up to date with `imodbatch run`."
 
@@ -75,24 +75,25 @@ def open_run(folder: Path) -> FinishedRun:
     """
     if not folder.is_dir():
         raise TableError(f"{folder}: no such run folder. Make it with `imodbatch run`.")
-    metrics = _info(folder, "metrics")
-    matched = metrics.inputs["matches"]
+    metrics = _stored(folder, "metrics")
+    matched = metrics.info.inputs["matches"]
+    matches = {sequence_id: _stored(folder, "matches", sequence_id) for sequence_id in matched}
     for sequence_id, identity in matched.items():
-        if _info(folder, "matches", sequence_id).digest != identity:
+        if matches[sequence_id].info.digest != identity:
             raise TableError(
                 f"{folder}: its metrics are of other matches than those of {sequence_id}. {CURE}"
             )
     sequence_ids = tuple(sorted(matched))
     tables = {
-        name: pa.concat_tables(_read(folder, name, sequence_id) for sequence_id in sequence_ids)
-        for name in ("annotations", "matches")
+        "annotations": pa.concat_tables(_read(folder, "annotations", s) for s in sequence_ids),
+        "matches": pa.concat_tables(matches[s].rows for s in sequence_ids),
+        "metrics": metrics.rows,
     }
-    tables["metrics"] = _read(folder, "metrics")
     if not tables["matches"].num_rows:
         raise TableError(
             f"{folder}: there are no detections to compare. Lower detect.score_threshold."
         )
-    said = metrics.attributes
+    said = metrics.info.attributes
     try:
         return FinishedRun(
             folder,
@@ -120,6 +121,11 @@ def _info(folder: Path, table: str, *sequence_id: str) -> TableInfo:
     if info is None:
         raise TableError(f"{path}: no such table, or a damaged one. {CURE}")
     return info
+
+
+def _stored(folder: Path, table: str, *sequence_id: str) -> Stored:
+    _info(folder, table, *sequence_id)  # says how to come by a table that is not there
+    return read_stored(table_path(folder, table, *sequence_id), TABLES[table])
 
 
 def _read(folder: Path, table: str, *sequence_id: str) -> pa.Table:

@@ -20,11 +20,11 @@ from imodbatch.engines.detector.card import (
     Architecture,
     DetectorCard,
     read_card,
-    weights_digest,
+    read_checkpoint,
     write_card,
 )
 from imodbatch.engines.detector.checkpoint import load_network, save_checkpoint
-from imodbatch.engines.detector.inference import Detector, load_detector
+from imodbatch.engines.detector.inference import Detector, load_detector, make_detector
 from imodbatch.engines.detector.network import MultiViewFasterRCNN, build_detector
 from imodbatch.errors import ConfigError
 
@@ -425,7 +425,7 @@ def test_a_diverged_network_is_not_written(card: DetectorCard, tmp_path: Path) -
 
 
 def test_missing_weights(tmp_path: Path) -> None:
-    for action in (load_detector, weights_digest):
+    for action in (load_detector, read_checkpoint):
         with pytest.raises(ConfigError) as error:
             action(tmp_path / "none.safetensors")
         assert_one_line(error, "none.safetensors", "detect.weights")
@@ -433,7 +433,7 @@ def test_missing_weights(tmp_path: Path) -> None:
 
 def test_missing_card(checkpoint: Path) -> None:
     checkpoint.with_suffix(".json").unlink()
-    for action in (load_detector, weights_digest):
+    for action in (load_detector, read_checkpoint):
         with pytest.raises(ConfigError) as error:
             action(checkpoint)
         assert_one_line(error, "tiny.json", "missing", "beside the weights")
@@ -559,15 +559,30 @@ def test_a_file_that_is_no_card(tmp_path: Path, content: bytes) -> None:
 def test_the_digest_follows_weights_and_card(
     checkpoint: Path, network: MultiViewFasterRCNN, card: DetectorCard
 ) -> None:
-    first = weights_digest(checkpoint)
+    first = read_checkpoint(checkpoint).digest
     assert len(first) == 64
-    assert weights_digest(str(checkpoint)) == first
+    assert read_checkpoint(str(checkpoint)).digest == first
     write_card(card.model_copy(update={"name": "other"}), checkpoint.with_suffix(".json"))
-    second = weights_digest(checkpoint)
+    second = read_checkpoint(checkpoint).digest
     checkpoint.write_bytes(checkpoint.read_bytes() + b"\0")
-    assert len({first, second, weights_digest(checkpoint)}) == 3
+    assert len({first, second, read_checkpoint(checkpoint).digest}) == 3
     save_checkpoint(network, card, checkpoint)
-    assert weights_digest(checkpoint) == first  # writing is reproducible
+    assert read_checkpoint(checkpoint).digest == first  # writing is reproducible
+
+
+def test_a_detector_is_made_of_the_bytes_that_its_digest_names(
+    checkpoint: Path, network: MultiViewFasterRCNN, card: DetectorCard
+) -> None:
+    before = load_detector(checkpoint)
+    read = read_checkpoint(checkpoint)
+    network.box_regressor.bias.data[1] += 1
+    save_checkpoint(network, card, checkpoint)  # by another process, in between
+    made = make_detector(read)
+    again = load_detector(checkpoint)
+    bias = [d.network.box_regressor.bias for d in (before, made, again)]
+    assert torch.equal(bias[0], bias[1])
+    assert not torch.equal(bias[0], bias[2])
+    assert read_checkpoint(checkpoint) != read
 
 
 def test_cards_and_digests_need_no_torch() -> None:

@@ -14,11 +14,13 @@ background is the LAST column.
 import difflib
 import hashlib
 import json
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from imodbatch.atomic import write_text
 from imodbatch.errors import ConfigError
 
 FORMAT_VERSION = 1
@@ -233,47 +235,70 @@ def read_card(path: str | Path) -> DetectorCard:
         ConfigError: the file cannot be read, is not JSON, or has an unknown key, a missing key or
             a value that cannot be meant. One line with the file, the key and the cure.
     """
-    path = Path(path)
+    return _parse_card(_read_bytes(Path(path)), Path(path))
+
+
+def _read_bytes(path: Path) -> bytes:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        return path.read_bytes()
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: cannot be read ({error.strerror}). Restore the file, or its permissions."
+        ) from error
+
+
+def _parse_card(content: bytes, path: Path) -> DetectorCard:
+    try:
+        values = json.loads(content.decode("utf-8"))
+    except ValueError as error:
         reason = " ".join(str(error).split())
         raise ConfigError(
             f"{path}: not a readable JSON card ({reason}). Restore the file that came with the "
             f"weights."
         ) from error
     try:
-        return DetectorCard.model_validate(content)
+        return DetectorCard.model_validate(values)
     except ValidationError as error:
         raise ConfigError(f"{path}: {_first_complaint(error)}") from error
 
 
 def write_card(card: DetectorCard, path: str | Path) -> None:
-    """Write a card as indented JSON, first under another name so that no half file is left."""
-    path = Path(path)
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(card.model_dump_json(indent=2) + "\n", encoding="utf-8")
-    partial.replace(path)
+    """Write a card as indented JSON, whole or not at all."""
+    write_text(Path(path), card.model_dump_json(indent=2) + "\n")
 
 
-def weights_digest(path: str | Path) -> str:
-    """Digest a checkpoint, for provenance: weights and card, since both change the output.
+@dataclass(frozen=True)
+class Checkpoint:
+    """Weights and card as they were read; equal = of the same bytes.
+
+    Attributes:
+        digest: 64 hexadecimal digits, SHA-256 over the SHA-256 digests of weights and card.
+        path: of ``<name>.safetensors``.
+        weights: that file's bytes.
+        card: what the file beside it says.
+    """
+
+    digest: str
+    path: Path = field(compare=False)
+    weights: bytes = field(compare=False, repr=False)
+    card: DetectorCard = field(compare=False)
+
+
+def read_checkpoint(path: str | Path) -> Checkpoint:
+    """Read a checkpoint's two files, each once.
 
     Args:
-        path: of ``<name>.safetensors``.
-
-    Returns:
-        64 hexadecimal digits: SHA-256 over the SHA-256 digests of the weights and of the card.
+        path: of ``<name>.safetensors``, with ``<name>.json`` beside it.
 
     Raises:
-        ConfigError: the weights or the card are missing.
+        ConfigError: the weights or the card are missing, or the card is damaged.
     """
     require_checkpoint(path)
-    both = hashlib.sha256()
-    for part in (Path(path), card_path(path)):
-        with part.open("rb") as file:
-            both.update(hashlib.file_digest(file, "sha256").digest())
-    return both.hexdigest()
+    path, beside = Path(path), card_path(path)
+    weights, card = _read_bytes(path), _read_bytes(beside)
+    parts = (hashlib.sha256(part).digest() for part in (weights, card))
+    digest = hashlib.sha256(b"".join(parts)).hexdigest()
+    return Checkpoint(digest, path, weights, _parse_card(card, beside))
 
 
 def _first_complaint(error: ValidationError) -> str:

@@ -8,14 +8,15 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load, save
 from torch import Tensor, nn
 
+from imodbatch.atomic import write_bytes
 from imodbatch.engines.detector.card import (
+    Checkpoint,
     DetectorCard,
     card_path,
-    read_card,
-    require_checkpoint,
+    read_checkpoint,
     write_card,
 )
 from imodbatch.engines.detector.network import MultiViewFasterRCNN, build_detector
@@ -23,7 +24,7 @@ from imodbatch.errors import ConfigError
 
 
 def save_checkpoint(model: nn.Module, card: DetectorCard, path: str | Path) -> None:
-    """Write weights and card; each is written under another name first and then renamed.
+    """Write weights and card, each whole or not at all.
 
     Args:
         model: the network of `card`, on any device.
@@ -35,11 +36,9 @@ def save_checkpoint(model: nn.Module, card: DetectorCard, path: str | Path) -> N
     """
     path, json_path = Path(path), card_path(path)
     tensors = {name: _compact(name, tensor, path) for name, tensor in model.state_dict().items()}
-    partial = path.with_name(path.name + ".partial")
     # One metadata entry at most: safetensors writes several in random order, and the digest of the
     # same weights would differ from one writing to the next.
-    save_file(tensors, str(partial), metadata={"format": "pt"})
-    partial.replace(path)
+    write_bytes(path, save(tensors, metadata={"format": "pt"}))
     write_card(card, json_path)
 
 
@@ -55,11 +54,19 @@ def load_network(path: str | Path) -> tuple[MultiViewFasterRCNN, DetectorCard]:
     Raises:
         ConfigError: a file is missing, damaged, or the weights do not fit the card.
     """
-    require_checkpoint(path)
-    card = read_card(card_path(path))
+    return make_network(read_checkpoint(path))
+
+
+def make_network(checkpoint: Checkpoint) -> tuple[MultiViewFasterRCNN, DetectorCard]:
+    """The same from what was read of it.
+
+    Raises:
+        ConfigError: the weights are damaged or do not fit the card.
+    """
+    path, card = checkpoint.path, checkpoint.card
     try:
-        tensors = load_file(str(path))
-    except (SafetensorError, OSError) as error:
+        tensors = load(checkpoint.weights)
+    except SafetensorError as error:
         reason = " ".join(str(error).split())
         raise ConfigError(
             f"{path}: not a readable safetensors file ({reason}). Copy or download it again."

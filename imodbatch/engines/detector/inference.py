@@ -13,8 +13,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from imodbatch.engines.detector.card import DetectorCard
-from imodbatch.engines.detector.checkpoint import load_network
+from imodbatch.engines.detector.card import Checkpoint, DetectorCard, read_checkpoint
+from imodbatch.engines.detector.checkpoint import make_network
 from imodbatch.engines.detector.detections import RawDetections
 from imodbatch.engines.detector.folding import fold_batch_norm
 from imodbatch.engines.detector.network import MultiViewFasterRCNN, ScoredRois
@@ -82,8 +82,17 @@ def load_detector(path: str | Path, device: str = "cpu") -> Detector:
         ConfigError: one line: a file is missing or damaged, the weights do not fit the card, or the
             device is not there.
     """
-    _require_device(device)  # before minutes may go into reading weights
-    network, card = load_network(path)
+    return make_detector(read_checkpoint(path), device)
+
+
+def make_detector(checkpoint: Checkpoint, device: str = "cpu") -> Detector:
+    """The same from what was read of a checkpoint.
+
+    Raises:
+        ConfigError: the weights are damaged or do not fit the card, or the device is not there.
+    """
+    _require_device(device)  # before minutes may go into the weights
+    network, card = make_network(checkpoint)
     return Detector(network, card, device)
 
 
