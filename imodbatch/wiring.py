@@ -19,7 +19,7 @@ from imodbatch.core.scoring import Candidates, Truth
 from imodbatch.datasets.annotations import annotation_files
 from imodbatch.datasets.detections import detection_files, read_detections
 from imodbatch.datasets.registry import adapter_of, annotated, camera_model, layout_files
-from imodbatch.engines.detector.card import Checkpoint, read_checkpoint
+from imodbatch.engines.detector.card import Checkpoint, checkpoint_files, read_checkpoint
 from imodbatch.errors import ConfigError
 from imodbatch.manifest import SequenceSection
 from imodbatch.posing import pose_files, pose_step, quality_step, reference_files
@@ -154,8 +154,7 @@ def _check_card(card: Any, context: Context) -> None:
 def _detect_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
     if context.manifest.detections is not None and context.pipeline.detect.weights is None:
         return detection_files(annotated(context.manifest, sequence), sequence)
-    weights = _weights(context)
-    return [weights, weights.with_suffix(".json")]
+    return checkpoint_files(_weights(context))
 
 
 def _detect_settings(context: Context, sequence: SequenceSection) -> dict[str, Any]:

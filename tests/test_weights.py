@@ -1,14 +1,18 @@
 """Weights by name: what a name finds, what a path means, and how a mistake is told."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from click.testing import Result
+from safetensors import safe_open
 
 from imodbatch import runner, weights
 from imodbatch.config import load_pipeline
 from imodbatch.context import Context
+from imodbatch.engines.detector.card import checkpoint_files, read_card, read_checkpoint
+from imodbatch.engines.detector.checkpoint import load_network, stored_tensors
 from imodbatch.errors import ConfigError
 from imodbatch.manifest import load_manifest
 from imodbatch.runner import Plan
@@ -17,15 +21,16 @@ from imodbatch.wiring import STEPS
 
 REPOSITORY = Path(__file__).parents[1]
 NAMES = ("robot17_3x16", "robot17_3x8", "robot17_noview")
+FAMILIES = {"robot17": NAMES, "rgbd5": ("rgbd5_3x12", "rgbd5_noview")}
+DETECTORS = [name for names in FAMILIES.values() for name in names]
 
 
 @pytest.fixture
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of three detectors in place of the package's own."""
+    """A folder with the cards of three detectors in place of the package's own."""
     folder = tmp_path / "shipped"
     folder.mkdir()
     for name in NAMES:
-        (folder / f"{name}.safetensors").write_bytes(b"weights of " + name.encode())
         (folder / f"{name}.json").write_text("{}", encoding="utf-8")
     monkeypatch.setattr(weights, "FOLDER", folder)
     return folder
@@ -33,16 +38,35 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_the_shipped_weights_lie_in_the_package() -> None:
     assert (weights.FOLDER / "__init__.py").is_file()
+    assert shipped_names() == sorted(DETECTORS)
 
 
-def test_every_shipped_detector_has_its_card() -> None:
-    for name in shipped_names():
-        assert (weights.FOLDER / f"{name}.json").is_file()
+@pytest.mark.parametrize("name", DETECTORS)
+def test_every_shipped_detector_loads(name: str) -> None:
+    network, card = load_network(find_weights(name))  # strict: no tensor too many or too few
+    assert card.name == name
+    assert network.state_dict()["head.class_logits.bias"].shape == (len(card.classes) + 1,)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_family_holds_what_its_members_share_once(family: str) -> None:
+    file = weights.FOLDER / f"{family}.safetensors"
+    assert file.stat().st_size < 13e6
+    assert {checkpoint_files(find_weights(name))[0] for name in FAMILIES[family]} == {file}
+    with safe_open(str(file), "pt") as stored:
+        names = set(stored.keys())
+    shared = {name for name in names if "/" not in name}
+    for member in FAMILIES[family]:
+        own = set(stored_tensors(read_checkpoint(find_weights(member)))) - shared
+        assert len(own) == 6
+        assert all(name.startswith("head.") for name in own)
+        assert {f"{member}/{name}" for name in own} <= names
+    assert len(names) == len(shared) + 6 * len(FAMILIES[family])
 
 
 def test_a_name_is_found_in_the_package(shipped: Path) -> None:
     assert shipped_names() == sorted(NAMES)
-    assert find_weights("robot17_3x8") == shipped / "robot17_3x8.safetensors"
+    assert find_weights("robot17_3x8") == shipped / "robot17_3x8.json"
 
 
 @pytest.mark.parametrize(
@@ -63,19 +87,12 @@ def test_an_unknown_name_is_told_in_one_line(shipped: Path) -> None:
     with pytest.raises(ConfigError) as caught:
         find_weights("robot17_3x12")
     assert str(caught.value) == (
-        "detect.weights: 'robot17_3x12' is no shipped detector. Did you mean 'robot17_3x16'? "
+        "detect.weights 'robot17_3x12': none of that name is shipped. Did you mean 'robot17_3x16'? "
         "Known: robot17_3x16, robot17_3x8, robot17_noview. "
-        "A checkpoint of your own is a path: robot17_3x12.safetensors."
+        "One of your own goes by its path: ./robot17_3x12.json"
     )
-    with pytest.raises(ConfigError, match=r"detector\. Known: robot17_3x16, robot17_3x8, "):
+    with pytest.raises(ConfigError, match=r"shipped\. Known: robot17_3x16, robot17_3x8, "):
         find_weights("yolo")
-
-
-def test_a_name_without_any_shipped_detector(shipped: Path) -> None:
-    for path in shipped.iterdir():
-        path.unlink()
-    with pytest.raises(ConfigError, match=r"no shipped detector\. None is shipped\."):
-        find_weights("robot17_3x16")
 
 
 def test_the_command_line_tells_it_without_a_traceback(
@@ -92,7 +109,7 @@ def test_the_command_line_tells_it_without_a_traceback(
     result = cli("run", manifest, *settings)
     assert result.exit_code == 1
     (line,) = result.stderr.splitlines()
-    assert line.startswith("imodbatch: error: detect.weights: 'robot17_3x6' is no shipped")
+    assert line.startswith("imodbatch: error: detect.weights 'robot17_3x6': none of that name")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -105,9 +122,19 @@ def test_the_pipelines_of_table_1_name_their_detector(shipped: Path, name: str) 
     assert pipeline.report.paper == "table1"
 
 
+@pytest.mark.parametrize("changed", ["robot17.safetensors", "robot17_3x16.json"])
 def test_other_weights_of_the_same_name_are_another_provenance(
-    shipped: Path, analytic_data: Path, analytic_manifest: Callable[..., str], tmp_path: Path
+    changed: str,
+    analytic_data: Path,
+    analytic_manifest: Callable[..., str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    shipped = tmp_path / "shipped"
+    shipped.mkdir()
+    for path in weights.FOLDER.glob("robot17*"):
+        shutil.copy(path, shipped)
+    monkeypatch.setattr(weights, "FOLDER", shipped)
     (tmp_path / "small.toml").write_text(analytic_manifest(analytic_data, "walk_1"))
     manifest = load_manifest(tmp_path / "small.toml")
     pipeline = load_pipeline(None, ["detect.weights=robot17_3x16"])
@@ -116,5 +143,7 @@ def test_other_weights_of_the_same_name_are_another_provenance(
     step = next(step for step in STEPS if step.stage == "detect")
     before = runner._files_digest(plan, step, plan.sequences)
     assert runner._files_digest(plan, step, plan.sequences) == before
-    (shipped / "robot17_3x16.safetensors").write_bytes(b"weights of a longer training")
+    with (shipped / changed).open("ab") as file:
+        file.write(b" ")
+    assert read_card(shipped / "robot17_3x16.json").family is not None
     assert runner._files_digest(plan, step, plan.sequences) != before

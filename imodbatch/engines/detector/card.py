@@ -2,7 +2,8 @@
 
 A checkpoint is two files, ``<name>.safetensors`` and ``<name>.json``. The card fixes the
 architecture (so that the weights fit), the meaning of the outputs (classes and viewpoint grid) and
-the record of how the weights came to be. This module imports no torch: a run that is up to date
+the record of how the weights came to be. Detectors of one training are a family: their cards name
+one file, which holds what they share once. This module imports no torch: a run that is up to date
 reads cards and digests only.
 
 Column order, stated here and nowhere else: the network has K·M·N + 1 exclusive outputs; the first
@@ -24,7 +25,7 @@ from imodbatch.atomic import write_text
 from imodbatch.errors import ConfigError
 
 FORMAT_VERSION = 1
-WEIGHTS_SUFFIX = ".safetensors"
+WEIGHTS_SUFFIX, CARD_SUFFIX = ".safetensors", ".json"
 
 Backbone = Literal[
     "resnet18",
@@ -120,6 +121,21 @@ PAPER = Architecture(
 """ResNet-101 and one flat softmax (Konno et al. 2020, Sec. 3.2), pyramid as in Lin et al. 2017."""
 
 
+class Family(BaseModel):
+    """Where the weights of a detector lie that shares most of them with others.
+
+    Attributes:
+        file: of the family's weights, beside the card.
+        member: which one this is. A tensor ``<member>/<name>`` is this detector's own; one without
+            a slash is every member's.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    file: Annotated[str, Field(pattern=r"^[^/\\]+\.safetensors$")]
+    member: Annotated[str, Field(pattern=r"^[^/]+$")]
+
+
 class DetectorCard(BaseModel):
     """What a checkpoint is: the JSON file beside the weights.
 
@@ -137,6 +153,7 @@ class DetectorCard(BaseModel):
         data: what it was trained on.
         seed: of the training, or one per random part of it.
         figures: what it measured, with the names of the sets.
+        family: None where the weights lie in ``<name>.safetensors`` beside ``<name>.json``.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -152,6 +169,7 @@ class DetectorCard(BaseModel):
     data: dict[str, Any]
     seed: int | dict[str, Any]
     figures: dict[str, Any]
+    family: Family | None = None
 
     @model_validator(mode="after")
     def _grid_is_a_grid(self) -> "DetectorCard":
@@ -184,42 +202,52 @@ class DetectorCard(BaseModel):
         return self.n_elevations * self.n_azimuths > 1
 
 
-def card_path(weights_path: str | Path) -> Path:
-    """Give the path of the card that belongs to a weights file.
+def card_path(path: str | Path) -> Path:
+    """Give the path of a checkpoint's card.
 
     Args:
-        weights_path: path of ``<name>.safetensors``.
+        path: of the card, or of ``<name>.safetensors``.
 
     Returns:
         The path of ``<name>.json`` in the same folder.
 
     Raises:
-        ConfigError: the path does not end in ``.safetensors``.
+        ConfigError: the path has another suffix.
     """
-    weights_path = Path(weights_path)
-    if weights_path.suffix != WEIGHTS_SUFFIX:
+    path = Path(path)
+    if path.suffix not in (WEIGHTS_SUFFIX, CARD_SUFFIX):
         raise ConfigError(
-            f"{weights_path}: a checkpoint is a {WEIGHTS_SUFFIX} file with its card beside it. "
+            f"{path}: a checkpoint is a {WEIGHTS_SUFFIX} file with its card beside it. "
             f"Set detect.weights to such a file."
         )
-    return weights_path.with_suffix(".json")
+    return path.with_suffix(CARD_SUFFIX)
 
 
-def require_checkpoint(weights_path: str | Path) -> None:
-    """Check that the weights file and its card are there.
+def checkpoint_files(path: str | Path) -> tuple[Path, Path]:
+    """Find the weights and the card of a checkpoint, both of which are there.
+
+    Args:
+        path: of the card, or of ``<name>.safetensors``.
+
+    Returns:
+        The paths of the weights (a family's, if the card names one) and of the card.
 
     Raises:
-        ConfigError: one of the two files is missing.
+        ConfigError: one of the two files is missing, or the card is damaged.
     """
-    card = card_path(weights_path)
-    if not Path(weights_path).is_file():
+    card, weights = card_path(path), Path(path).with_suffix(WEIGHTS_SUFFIX)
+    if card.is_file():
+        family = read_card(card).family
+        weights = weights if family is None else card.with_name(family.file)
+    if not weights.is_file():
         raise ConfigError(
-            f"{weights_path}: there is no such weights file. Set detect.weights to an existing one."
+            f"{weights}: there is no such weights file. Set detect.weights to an existing one."
         )
     if not card.is_file():
         raise ConfigError(
-            f"{card}: the card of {Path(weights_path).name} is missing. Copy it beside the weights."
+            f"{card}: the card of {weights.name} is missing. Copy it beside the weights."
         )
+    return weights, card
 
 
 def read_card(path: str | Path) -> DetectorCard:
@@ -264,7 +292,8 @@ def _parse_card(content: bytes, path: Path) -> DetectorCard:
 
 def write_card(card: DetectorCard, path: str | Path) -> None:
     """Write a card as indented JSON, whole or not at all."""
-    write_text(Path(path), card.model_dump_json(indent=2) + "\n")
+    alone = {"family"} if card.family is None else None
+    write_text(Path(path), card.model_dump_json(indent=2, exclude=alone) + "\n")
 
 
 @dataclass(frozen=True)
@@ -273,19 +302,23 @@ class Checkpoint:
 
     Attributes:
         digest: 64 hexadecimal digits, SHA-256 over the SHA-256 digests of weights and card.
-        path: of ``<name>.safetensors``.
+        path: of the weights; a family's file serves several cards.
         weights: that file's bytes.
-        card: what the file beside it says.
+        card_path: of the card.
+        card: what it says.
     """
 
     digest: str
     path: Path = field(compare=False)
     weights: bytes = field(compare=False, repr=False)
+    card_path: Path = field(compare=False)
     card: DetectorCard = field(compare=False)
 
 
 def read_checkpoint(path: str | Path) -> Checkpoint:
     """Read a checkpoint's two files, each once.
+
+    A family's file counts as a whole: another member's new head is another digest, too.
 
     Args:
         path: of ``<name>.safetensors``, with ``<name>.json`` beside it.
@@ -293,12 +326,11 @@ def read_checkpoint(path: str | Path) -> Checkpoint:
     Raises:
         ConfigError: the weights or the card are missing, or the card is damaged.
     """
-    require_checkpoint(path)
-    path, beside = Path(path), card_path(path)
-    weights, card = _read_bytes(path), _read_bytes(beside)
+    weights_path, beside = checkpoint_files(path)
+    weights, card = _read_bytes(weights_path), _read_bytes(beside)
     parts = (hashlib.sha256(part).digest() for part in (weights, card))
     digest = hashlib.sha256(b"".join(parts)).hexdigest()
-    return Checkpoint(digest, path, weights, _parse_card(card, beside))
+    return Checkpoint(digest, weights_path, weights, beside, _parse_card(card, beside))
 
 
 def _first_complaint(error: ValidationError) -> str:

