@@ -1,85 +1,57 @@
 # Two commands do everything: `make all` and `make test`. Neither needs root or a GPU.
 #
-#   make all  [MANIFEST=manifests/x.toml] [PIPELINE=pipelines/y.toml] [WORKERS=2]
+#   make all  [MANIFEST=x] [PIPELINE=y] [WORKERS=2]      shipped ones by name, your own by path
 #   make table1                     three detectors on simulated houses: the paper's Table 1
 #   make table2 [MANIFEST=…]        two detectors on simulated tables, or on the UW RGB-D Scenes
-#                                   (manifests/rgbd_scenes_v1.toml): the paper's Table 2
+#                                   (rgbd_scenes_v1): the paper's Table 2
 #   make index | poses | detect | lift | fuse | score | diagnose | report      one stage
 #   make test | check | bench | clean
 
 PYTHON   ?= python3
 VENV     ?= .venv
-MANIFEST ?= manifests/house_test.toml
-# The shipped detectors know the objects of the houses, and those of the tables and the UW scenes;
-# other manifests name their own detections.
-FITTING   = $(if $(filter house_%,$(1)),robot17_3x16,$(if $(filter \
-  scenes_% rgbd_scenes_% redkitchen_rgbd5.toml,$(1)),rgbd5_3x12,default))
-PIPELINE ?= pipelines/$(call FITTING,$(notdir $(MANIFEST))).toml
+MANIFEST ?= house_test
 WORKERS  ?= 1
-# Houses rendered at a time.
-SIM_WORKERS ?= 2
 ARGS     ?=
 
 BIN       := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEV       := $(VENV)/.installed-dev
+# Without PIPELINE a manifest's own.
+PIPED      = $(if $(PIPELINE),--pipeline $(PIPELINE))
 STAGES    := index poses detect lift fuse score diagnose report
 TABLE1    := robot17_noview robot17_3x16 robot17_3x8
 POSES     := house_test house_test_true
 TABLE2    := rgbd5_noview rgbd5_3x12
 SCENES     = $(basename $(notdir $(MANIFEST)))
-SIMULATE_TABLES = $(BIN)/imodbatch simulate data/scenes_test --layout rgbd_scenes_v1 --split test \
-  --workers $(SIM_WORKERS)
 
 .DEFAULT_GOAL := all
-.PHONY: all table1 table2 install dev test check lint bench clean simulate $(STAGES)
+.PHONY: all table1 table2 install dev test check lint bench clean $(STAGES)
 
-all: install simulate
-	$(BIN)/imodbatch run $(MANIFEST) --pipeline $(PIPELINE) --workers $(WORKERS) $(ARGS)
+all: install
+	$(BIN)/imodbatch run $(MANIFEST) $(PIPED) --workers $(WORKERS) $(ARGS)
 
-$(STAGES): install simulate
-	$(BIN)/imodbatch $@ $(MANIFEST) --pipeline $(PIPELINE) $(ARGS)
-
-# The embedded datasets are generated, not stored; nothing happens when they are already there.
-simulate: install
-ifneq ($(filter house_test%,$(notdir $(MANIFEST))),)
-	@$(BIN)/imodbatch simulate data/house_test --world house --split test --workers $(SIM_WORKERS)
-else ifneq ($(filter house_val%,$(notdir $(MANIFEST))),)
-	@$(BIN)/imodbatch simulate data/house_val --world house --split val --worlds 3 \
-	  --workers $(SIM_WORKERS)
-else ifeq ($(notdir $(MANIFEST)),analytic.toml)
-	@$(BIN)/imodbatch simulate data/analytic
-else ifeq ($(notdir $(MANIFEST)),scenes_test.toml)
-	@$(SIMULATE_TABLES)
-else ifeq ($(notdir $(MANIFEST)),scenes_val.toml)
-	@$(BIN)/imodbatch simulate data/scenes_val --layout rgbd_scenes_v1 --split val --worlds 5 \
-	  --frames 60 --workers $(SIM_WORKERS)
-endif
+$(STAGES): install
+	$(BIN)/imodbatch $@ $(MANIFEST) $(PIPED) $(ARGS)
 
 # The runs with true poses take over the tables that do not depend on poses. A table carries what it
 # was made from, so a copy that does not fit is redone like any other.
 table1: install
-	@$(BIN)/imodbatch simulate data/house_test --world house --split test --workers $(SIM_WORKERS)
 	@set -e; for pipeline in $(TABLE1); do \
 	  odometry=runs/house_test--$$pipeline; exact=runs/house_test_true--$$pipeline; \
-	  $(BIN)/imodbatch run manifests/house_test.toml --pipeline pipelines/$$pipeline.toml \
-	    --workers $(WORKERS) $(ARGS); \
+	  $(BIN)/imodbatch run house_test --pipeline $$pipeline --workers $(WORKERS) $(ARGS); \
 	  mkdir -p $$exact; \
 	  for table in frames annotations detections; do cp -R $$odometry/$$table $$exact/; done; \
-	  $(BIN)/imodbatch run manifests/house_test_true.toml --pipeline pipelines/$$pipeline.toml \
-	    --workers $(WORKERS) $(ARGS); \
+	  $(BIN)/imodbatch run house_test_true --pipeline $$pipeline --workers $(WORKERS) $(ARGS); \
 	done
 	@set -e; for poses in $(POSES); do \
-	  $(BIN)/imodbatch compare manifests/$$poses.toml $(TABLE1:%=pipelines/%.toml) \
-	    --out runs/table1--$$poses; \
+	  $(BIN)/imodbatch compare $$poses $(TABLE1) --out runs/table1--$$poses; \
 	done
 
 ifeq ($(origin MANIFEST),file)
-table2: MANIFEST = manifests/scenes_test.toml
+table2: MANIFEST = scenes_test
 endif
 # The second run takes over the tables that no detector changes, so poses are estimated once.
 table2: install
-	@$(if $(filter scenes_test,$(SCENES)),$(SIMULATE_TABLES))
 	@set -e; for pipeline in $(TABLE2); do \
 	  first=runs/$(SCENES)--$(firstword $(TABLE2)); run=runs/$(SCENES)--$$pipeline; \
 	  if [ $$run != $$first ]; then \
@@ -88,8 +60,8 @@ table2: install
 	      cp -R $$first/$$table $$run/; \
 	    done; \
 	  fi; \
-	  $(BIN)/imodbatch run $(MANIFEST) --pipeline pipelines/$$pipeline.toml --out $$run \
-	    --workers $(WORKERS) $(ARGS); \
+	  $(BIN)/imodbatch run $(MANIFEST) --pipeline $$pipeline --out $$run --workers $(WORKERS) \
+	    $(ARGS); \
 	done
 	@$(BIN)/imodbatch compare $(TABLE2:%=runs/$(SCENES)--%) --table 2 --out runs/table2
 
@@ -121,7 +93,7 @@ $(BIN)/python:
 	    "$(PYTHON) -m pip install --user virtualenv"; exit 1; }
 
 $(INSTALLED): pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[lab]'
 	@touch $@
 
 $(DEV): pyproject.toml $(INSTALLED)

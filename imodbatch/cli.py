@@ -13,8 +13,8 @@ import click
 
 from imodbatch import __version__
 from imodbatch.cli_compare import compare
-from imodbatch.cli_data import DATA_COMMANDS
 from imodbatch.cli_doctor import doctor
+from imodbatch.cli_plugins import PluggedGroup, make_data
 from imodbatch.errors import ImodError
 
 if TYPE_CHECKING:
@@ -55,15 +55,16 @@ def _common_options(command: Callable[..., None]) -> Callable[..., None]:
         click.option(
             "--pipeline",
             type=click.Path(path_type=Path),
-            metavar="FILE",
-            help="Pipeline TOML. Default: every setting's default.",
+            metavar="PIPELINE",
+            help="A shipped pipeline's name, or a TOML file. Default: the manifest's, or every "
+            "setting's default.",
         ),
     ):
         command = decorate(command)
     return command
 
 
-class _OneLineErrors(click.Group):
+class _OneLineErrors(PluggedGroup):
     """Errors a user can cure are one line on stderr and exit code 1."""
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
@@ -85,11 +86,6 @@ class _OneLineErrors(click.Group):
         except OSError as error:
             _fail(f"{error.filename or 'disk'}: {error.strerror or error}.")
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """In the order of the pipeline, not of the alphabet."""
-        del ctx
-        return list(self.commands)
-
 
 def _fail(message: str) -> NoReturn:
     click.echo(f"imodbatch: error: {message}", err=True)
@@ -99,7 +95,7 @@ def _fail(message: str) -> NoReturn:
 @click.group(
     cls=_OneLineErrors,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog="Start with: imodbatch run manifests/analytic.toml",
+    epilog="Start with: imodbatch run analytic",
 )
 @click.version_option(__version__, prog_name="imodbatch")
 def main() -> None:
@@ -125,6 +121,8 @@ def _stage_command(stage: str) -> click.Command:
         if device is not None:
             settings = (*settings, f"detect.device={device}")
         plan = _plan(manifest, pipeline, out, sequences, settings)
+        if stage in ("run", "index"):
+            make_data(main, plan.context.manifest, workers)
         todo = stages_of(plan.context) if stage == "run" else (stage,)
         with only_writer(plan.run_dir), runner.open_executor(workers, scheduler) as executor:
             if stage != "run":
@@ -138,9 +136,7 @@ def _stage_command(stage: str) -> click.Command:
                 if not all(done):
                     sys.exit(1)
 
-    command.__doc__ = (
-        f"{STAGE_HELP[stage]}\n\n\b\nExample:\n  imodbatch {stage} manifests/analytic.toml"
-    )
+    command.__doc__ = f"{STAGE_HELP[stage]}\n\n\b\nExample:\n  imodbatch {stage} analytic"
     decorated: Callable[..., None] = command
     for decorate in (
         click.option("--overwrite", is_flag=True, help="Redo even what is up to date."),
@@ -175,6 +171,7 @@ def _plan(
     from imodbatch.runner import Plan, default_run_dir
 
     checked = load_manifest(manifest)
+    pipeline = checked.pipeline_file(pipeline)
     run_dir = (out or default_run_dir(checked.name, pipeline)).absolute()
     if run_dir.exists() and not run_dir.is_dir():
         raise ConfigError(f"{run_dir}: is a file, expected a folder. Name another --out.")
@@ -212,7 +209,8 @@ def _write_report(plan: "Plan", pipeline: Path | None) -> None:
     from imodbatch.publishing import write_report
     from imodbatch.runner import pipeline_name
 
-    click.echo(f"report: {write_report(plan, pipeline_name(pipeline))}")
+    name = pipeline_name(plan.context.manifest.pipeline_file(pipeline))
+    click.echo(f"report: {write_report(plan, name)}")
 
 
 for _stage in STAGE_HELP:
@@ -233,7 +231,7 @@ def status(
 
     \b
     Example:
-      imodbatch status manifests/analytic.toml
+      imodbatch status analytic
     """  # noqa: D301 (click wants the character, not a backslash)
     from imodbatch.runner import states
 
@@ -276,7 +274,7 @@ def export(
 
     \b
     Example:
-      imodbatch export manifests/analytic.toml --to trajectories
+      imodbatch export analytic --to trajectories
     """  # noqa: D301 (click wants the character, not a backslash)
     from imodbatch.exporting import export_tum
 
@@ -311,7 +309,7 @@ def schema(table: str | None) -> None:
             click.echo(f"  {name:20} {str(column.dtype) + nullable:16} {column.meaning}")
 
 
-for _command in (doctor, compare, *DATA_COMMANDS):
+for _command in (doctor, compare):
     main.add_command(_command)
 
 

@@ -38,10 +38,10 @@ def compare(sources: tuple[Path, ...], table: str, resamples: int, out: Path | N
 
     \b
     Example:
-      imodbatch compare manifests/house_test.toml pipelines/robot17_noview.toml pipelines/robot17_3x16.toml
+      imodbatch compare house_test robot17_noview robot17_3x16
 
-    A RUN is a run folder, or, after a MANIFEST, a pipeline file.
-    """  # noqa: D301, E501 (click wants the character, and an example its line)
+    A RUN is a run folder, or, after a MANIFEST, a pipeline.
+    """  # noqa: D301 (click wants the character, not a backslash)
     from imodbatch.comparing import compare_folders, table_2_of_folders
 
     folders = _run_folders(sources)
@@ -72,8 +72,9 @@ def _run_folders(sources: tuple[Path, ...]) -> list[Path]:
         if source.is_dir():
             folders.append(source)
             continue
-        pipeline = load_pipeline(source)
-        folder = default_run_dir(manifest.name, source)
+        file = manifest.pipeline_file(source)
+        pipeline = load_pipeline(file)
+        folder = default_run_dir(manifest.name, file)
         if not folder.is_dir():
             raise ConfigError(
                 f"{folder}: no such run. Make it with `imodbatch run {sources[0]} "

@@ -1,6 +1,6 @@
 """Commands that make data and detectors: simulate, synth, train.
 
-Heavy libraries load inside the commands.
+They join `imodbatch` by entry point. Heavy libraries load inside the commands.
 """
 
 import time
@@ -402,6 +402,3 @@ def train(
     click.echo(
         f"train: {outcome.step} of {outcome.n_steps} steps{found}: {outcome.weights}, {state}"
     )
-
-
-DATA_COMMANDS = (simulate, synth, train)

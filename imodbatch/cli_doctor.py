@@ -41,7 +41,7 @@ def doctor(
 
     \b
     Example:
-      imodbatch doctor manifests/analytic.toml
+      imodbatch doctor analytic
 
     Exit code 1 with errors, 0 with warnings only.
     """  # noqa: D301 (click wants the character, not a backslash)

@@ -2,6 +2,7 @@
 
 Paths are relative to `root`, and `root` to the manifest; ``${NAME}`` is an environment variable.
 ``{sequence}`` in a path stands for the sequence's own `path`, ``{frame}`` for a frame number.
+A shipped manifest goes by name, and is read as if it lay in ``manifests`` of the working directory.
 """
 
 import os
@@ -17,6 +18,7 @@ from imodbatch.config import StrictModel, read_toml, validate
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import is_rigid
 from imodbatch.errors import ConfigError
+from imodbatch.shipped import find_shipped, is_name, shipped_folder
 
 Pixels = Annotated[int, Field(ge=1)]
 Focal = Annotated[float, Field(gt=0)]
@@ -264,6 +266,32 @@ class SequenceSection(StrictModel):
         return (frame_index - (start or 0)) % (step or 1) == 0
 
 
+class SimulateSection(StrictModel):
+    """`[simulate]`: the arguments with which `imodbatch simulate` makes the data.
+
+    `folder`, relative to the root, is where it writes; the other keys are its options.
+    """
+
+    folder: str = "."
+    world: Literal["analytic", "house"] | None = None
+    layout: Literal["rgbd_scenes_v1"] | None = None
+    split: Literal["train", "val", "test"] = "test"
+    seed: int = 0
+    worlds: Annotated[int, Field(ge=1)] | None = None
+    frames: Annotated[int, Field(ge=4)] | None = None
+
+    @model_validator(mode="after")
+    def _is_of_one_kind(self) -> "SimulateSection":
+        if (self.world is None) == (self.layout is None):
+            raise ValueError("give either world or layout")
+        return self
+
+    def options(self) -> list[str]:
+        """As on the command line, without the folder."""
+        options = self.model_dump(exclude={"folder"}, exclude_none=True)
+        return [text for name, value in options.items() for text in (f"--{name}", str(value))]
+
+
 class Manifest(StrictModel):
     """A dataset split, checked. `folder` is where the manifest lies."""
 
@@ -272,6 +300,8 @@ class Manifest(StrictModel):
     adapter: str
     root: str = "."
     classes: Annotated[tuple[str, ...], Field(min_length=1)]
+    pipeline: str | None = None
+    simulate: SimulateSection | None = None
     camera: CameraSection = CameraSection()
     world: WorldSection = WorldSection()
     images: ImagesSection | None = None
@@ -300,8 +330,19 @@ class Manifest(StrictModel):
 
     @property
     def root_path(self) -> Path:
-        """The dataset's root folder."""
-        return self.folder / self.root
+        """The dataset's root folder; the manifest's own need not be there."""
+        return Path(os.path.normpath(self.folder / self.root))
+
+    def pipeline_file(self, given: Path | None) -> Path | None:
+        """The pipeline of a run: `given`, a name or path, else the manifest's; None = defaults.
+
+        Raises:
+            ConfigError: a name that no shipped pipeline bears.
+        """
+        if given is None and self.pipeline is not None:
+            own = Path(self.pipeline)
+            given = own if is_name(own) else self.folder / own
+        return given and find_shipped(given, "pipeline", shipped_folder("pipelines"))
 
     def sequence(self, sequence_id: str) -> SequenceSection:
         """The sequence of that id."""
@@ -319,16 +360,18 @@ class Manifest(StrictModel):
         return beside if beside.exists() else self.root_path / pattern
 
 
-def load_manifest(path: Path) -> Manifest:
-    """Read and check a manifest.
+def load_manifest(name_or_path: Path) -> Manifest:
+    """Read and check a manifest, a shipped one by its name.
 
     Raises:
         ConfigError: missing, not TOML, an unknown key, an unset environment variable.
     """
+    path = find_shipped(name_or_path, "manifest", shipped_folder("manifests"))
     data = _expand(read_toml(path), str(path))
     if "folder" in data:
         raise ConfigError(f"{path}: folder: unknown key. Did you mean 'root'?")
-    data["folder"] = path.resolve().parent
+    named = is_name(name_or_path)
+    data["folder"] = Path.cwd() / "manifests" if named else path.resolve().parent
     return validate(Manifest, data, str(path))
 
 

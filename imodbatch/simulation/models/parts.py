@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.frames import apply
-from imodbatch.errors import DataError
+from imodbatch.errors import ConfigError, DataError
 from imodbatch.images import only_listed_formats
 from imodbatch.simulation.mesh import Surface
 from imodbatch.simulation.models.atlas import texture_of_corner_colors, unrepeat
@@ -68,6 +69,7 @@ def read_parts(path: Path, up: str | None = None, unit_m: float | None = None) -
 
     Raises:
         DataError: it is missing, unreadable or has no faces.
+        ConfigError: it is a DAE file, and what reads those is not installed.
     """
     import trimesh
 
@@ -75,6 +77,8 @@ def read_parts(path: Path, up: str | None = None, unit_m: float | None = None) -
         raise DataError(f"{path}: no such mesh file. Restore it, or correct the path to it.")
     if path.suffix.lower() not in MESH_SUFFIXES:
         raise DataError(f"{path}: expected one of {', '.join(MESH_SUFFIXES)}. Convert the model.")
+    if path.suffix.lower() == ".dae" and find_spec("collada") is None:
+        raise ConfigError(f"{path}: DAE files need more. pip install 'imodbatch[lab]'")
     resolver: Any = _Asked(path)
     try:
         with only_listed_formats("TGA"):
