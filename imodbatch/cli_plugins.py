@@ -5,6 +5,7 @@ module is imported when its command is called or listed, so it should import cli
 """
 
 import os
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -81,6 +82,7 @@ class _Broken(click.Command):
         raise ConfigError(self.help or "")
 
 
+@cache  # all installed packages are searched
 def _joining() -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 

@@ -1,7 +1,7 @@
 """Commands by entry point, and the one that a run calls to make its data."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, get_args
@@ -33,15 +33,17 @@ no_command = "text"
 
 
 @pytest.fixture
-def plug(monkeypatch: pytest.MonkeyPatch) -> Plug:
+def plug(monkeypatch: pytest.MonkeyPatch) -> Iterator[Plug]:
     """Put entry points in place of those installed."""
 
     def put(**values: str) -> None:
         found = [EntryPoint(name, value, cli_plugins.GROUP) for name, value in values.items()]
         monkeypatch.setattr(cli_plugins, "entry_points", lambda **_: found)
+        cli_plugins._joining.cache_clear()
 
     monkeypatch.setitem(sys.modules, "plugged", sys.modules[__name__])
-    return put
+    yield put
+    cli_plugins._joining.cache_clear()
 
 
 def test_the_labs_commands_are_installed() -> None:
