@@ -25,8 +25,9 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
         OSError: the folder is not there or cannot be written.
     """
     partial = _partial(path)
+    file = partial.open("xb")  # x: made here, and never through a symbolic link
     try:
-        with partial.open("xb") as file:  # x: made here, and never through a symbolic link
+        with file:
             yield file
             file.flush()
             os.fsync(file.fileno())

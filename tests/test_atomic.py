@@ -93,9 +93,11 @@ def test_a_symbolic_link_is_replaced_and_not_followed(
     write_bytes(link, b"new")
     assert not link.is_symlink()
     monkeypatch.setattr("imodbatch.atomic.secrets.token_hex", lambda _: "01234567")
-    (tmp_path / ".a.01234567.partial").symlink_to(other)
+    planted = tmp_path / ".a.01234567.partial"
+    planted.symlink_to(other)
     with pytest.raises(FileExistsError):
         write_bytes(link, b"newer")
+    assert planted.is_symlink()  # what is not ours is not removed either
     assert other.read_bytes() == b"precious"
     assert link.read_bytes() == b"new"
 

@@ -22,7 +22,7 @@ from imodbatch.errors import RunLockedError
 from imodbatch.run_lock import LOCK, OWNER, only_writer
 
 STAGES = ("index", "poses", "detect", "lift", "fuse", "score", "report")
-BENCHMARK = Path(__file__).parent / "benchmarks/two_runs_at_once.py"
+REPOSITORY = Path(__file__).parents[1]
 
 
 @pytest.fixture
@@ -183,7 +183,10 @@ def is_alive(pid: int) -> bool:
 
 
 def test_two_runs_at_once_leave_no_wrong_table() -> None:
-    command = [sys.executable, str(BENCHMARK), "--trials", "3"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    command = [sys.executable, "tests/benchmarks/two_runs_at_once.py", "--trials", "3"]
+    here = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+    done = subprocess.run(
+        command, cwd=REPOSITORY, env=here, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.startswith("3 trials: ")
