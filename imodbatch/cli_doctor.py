@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from imodbatch.atomic import write_text
-
 if TYPE_CHECKING:
     from imodbatch.checkup.examine import Examined
     from imodbatch.checkup.finding import Outcome
@@ -45,6 +43,7 @@ def doctor(
 
     Exit code 1 with errors, 0 with warnings only.
     """  # noqa: D301 (click wants the character, not a backslash)
+    from imodbatch.atomic import write_text
     from imodbatch.checkup.examine import examine
     from imodbatch.manifest import load_manifest
 
