@@ -9,6 +9,7 @@ by side, which is no fault of a focal length.
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -150,10 +151,5 @@ def edge_strength(gray: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 def _smooth(image: NDArray[np.float32]) -> NDArray[np.float32]:
     """Mean over a small square; the border repeats."""
-    reach = SMOOTHING_PX // 2
-    for axis in (0, 1):
-        padding = [(reach, reach) if a == axis else (0, 0) for a in (0, 1)]
-        padded = np.pad(image, padding, mode="edge")
-        windows = np.lib.stride_tricks.sliding_window_view(padded, SMOOTHING_PX, axis=axis)
-        image = windows.mean(axis=-1)
-    return image
+    square = (SMOOTHING_PX, SMOOTHING_PX)
+    return np.asarray(cv2.blur(image, square, borderType=cv2.BORDER_REPLICATE))

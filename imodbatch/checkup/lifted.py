@@ -52,29 +52,23 @@ def mirrored(boxes: Array, width_px: int, height_px: int) -> dict[str, Array]:
     """Boxes (n, 4) as they would be under other readings, by what is wrong with them."""
     left, top, right, bottom = boxes.T
     width, height = right - left, bottom - top
-    return {
-        "mirrored (x counts from the right)": np.stack(
-            [width_px - right, top, width_px - left, bottom], axis=-1
+    from_right, from_left = width_px - right, width_px - left
+    from_bottom, from_top = height_px - bottom, height_px - top
+    readings = {
+        "mirrored (x counts from the right)": (from_right, top, from_left, bottom),
+        "upside down (y counts from the bottom)": (left, from_bottom, right, from_top),
+        "turned by 180°": (from_right, from_bottom, from_left, from_top),
+        "shifted by half their size: the first two numbers are the centre": (
+            *(left - width / 2, top - height / 2),
+            *(left + width / 2, top + height / 2),
         ),
-        "upside down (y counts from the bottom)": np.stack(
-            [left, height_px - bottom, right, height_px - top], axis=-1
-        ),
-        "turned by 180°": np.stack(
-            [width_px - right, height_px - bottom, width_px - left, height_px - top], axis=-1
-        ),
-        "shifted by half their size: the first two numbers are the centre": np.stack(
-            [left - width / 2, top - height / 2, left + width / 2, top + height / 2], axis=-1
-        ),
-        "given with x and y swapped": np.stack([top, left, bottom, right], axis=-1),
-        "width and height read as a corner": np.stack(
-            [left, top, left + right, top + bottom], axis=-1
-        ),
-        "a corner read as width and height": np.stack(
-            [left, top, right - left, bottom - top], axis=-1
-        ),
-        "of images of half the size": 2 * boxes,
-        "of images of twice the size": boxes / 2,
+        "given with x and y swapped": (top, left, bottom, right),
+        "width and height read as a corner": (left, top, left + right, top + bottom),
+        "a corner read as width and height": (left, top, width, height),
+        "of images of half the size": 2 * boxes.T,
+        "of images of twice the size": boxes.T / 2,
     }
+    return {name: np.stack(sides, axis=-1) for name, sides in readings.items()}
 
 
 def box_frames(

@@ -58,13 +58,13 @@ class Motions:
         """(P,) rotation between them."""
         return rotation_angle_rad(self.b_from_a[:, :3, :3])
 
-    def errors_px(self, b_from_a: ArrayLike, camera: PinholeCamera | None = None) -> Array:
+    def errors_px(self, b_from_a: ArrayLike) -> Array:
         """Median distance (..., P) of points from their pixels under motions (..., P, 4, 4).
 
         NaN where a motion is NaN.
         """
-        b_from_a = np.asarray(b_from_a, dtype=np.float64)
-        return median_error_px(b_from_a, self.points_a, self.pixels_b, camera or self.camera)
+        claimed = np.asarray(b_from_a, dtype=np.float64)
+        return median_error_px(claimed, self.points_a, self.pixels_b, self.camera)
 
 
 def median_error_px(

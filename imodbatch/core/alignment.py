@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from imodbatch.core.frames import invert, make_transform, rotation_between
+from imodbatch.core.frames import exp_twist, invert, make_transform, rotation_between
 
 Array = NDArray[np.float64]
 NO_SPREAD = 1e-12
@@ -182,12 +182,10 @@ def _rotation(around_t: Array, around_s: Array, turn: Array | None) -> Array:
 
 def _turn_about(axis: Array, wanted: Array) -> Array:
     """Of the rotations R about an axis (3,), the one with the largest ``trace(Rᵀ wanted)``."""
-    x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    sine = np.trace(cross.T @ wanted)
+    skew = wanted - wanted.T
+    sine = axis @ np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
     cosine = np.trace(wanted) - axis @ wanted @ axis
-    angle = np.arctan2(sine, cosine)
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+    return exp_twist(np.r_[np.zeros(3), np.arctan2(sine, cosine) * axis])[:3, :3]
 
 
 def _scale(around_t: Array, around_s: Array, rotation: Array) -> float:

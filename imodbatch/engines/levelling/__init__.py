@@ -66,7 +66,7 @@ def estimate_up(
         raise DataError(f"{where}: no depth to find the floor in. {cure}")
     surfaces, views = find_surfaces(frames, seed), Views.of([pose for _, pose in frames])
     rated = _rated(surfaces, views)
-    share = rated[0].fit.share if rated else 0.0
+    share = rated[0].fit.plane_share if rated else 0.0
     if share < MIN_SHARE:
         raise DataError(
             f"{where}: no floor or table plane found (level and upright planes hold "
@@ -82,15 +82,8 @@ def estimate_up(
             f"{where}: up is ambiguous: two directions {between:.0f}° apart explain the planes "
             f"about as well ({_text(best)}, {_text(rated[1])}). {cure}"
         )
-    return Up(
-        best.fit.direction,
-        best.fit.uncertainty_deg,
-        best.fit.share,
-        margin,
-        apart_deg(best.fit.direction, views.mean_up),
-        best.fit.n_level,
-        best.fit.n_upright,
-    )
+    tilt_deg = apart_deg(best.fit.direction, views.mean_up)
+    return Up(**vars(best.fit), margin=margin, tilt_deg=tilt_deg)
 
 
 def _rated(surfaces: Surfaces, views: Views) -> list[_Rated]:

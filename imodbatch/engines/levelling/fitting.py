@@ -20,14 +20,20 @@ BELOW_M, MIN_FLOOR_SHARE = 0.15, 0.02
 
 @dataclass(frozen=True)
 class Fit:
-    """A direction (3,) and what bears it; see `Up`.
+    """A direction and what bears it.
 
-    `groundless_share` of all points lie below the lowest level surface: a room has a floor.
+    Attributes:
+        direction: (3,) of length 1.
+        uncertainty_deg: one standard deviation, in the direction that is known worst.
+        plane_share: share of the points on the level and upright surfaces it rests on.
+        n_level: level surfaces.
+        n_upright: upright surfaces.
+        groundless_share: of all points, below the lowest level surface: a room has a floor.
     """
 
     direction: Array
     uncertainty_deg: float
-    share: float
+    plane_share: float
     n_level: int
     n_upright: int
     groundless_share: float

@@ -2,32 +2,21 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
+from imodbatch.engines.levelling.fitting import Fit
 
 
 @dataclass(frozen=True)
-class Up:
+class Up(Fit):
     """Which way is up in the poses' world.
 
     Attributes:
-        direction: (3,) of length 1.
-        uncertainty_deg: one standard deviation, in the direction that is known worst.
-        plane_share: share of the points on the level and upright surfaces it rests on.
         margin: by how much the next best direction explains the scene worse: 0 as well, 1 not at
             all.
         tilt_deg: angle to the cameras' mean up.
-        n_level: level surfaces.
-        n_upright: upright surfaces.
     """
 
-    direction: NDArray[np.float64]
-    uncertainty_deg: float
-    plane_share: float
     margin: float
     tilt_deg: float
-    n_level: int
-    n_upright: int
 
     def figures(self) -> dict[str, float]:
         """Its quality as numbers by name."""

@@ -6,6 +6,7 @@ Across a large turn a camera's path is anyone's guess; such frames are lost, as 
 import numpy as np
 from numpy.typing import NDArray
 
+from imodbatch.core.alignment import rotation_angle_rad
 from imodbatch.core.trajectory import INTERPOLATED, LOST, TRACKED, FramePoses, interpolate
 
 Array = NDArray[np.float64]
@@ -38,8 +39,7 @@ def _turn_rad(poses: Array, positions: NDArray[np.int64], missing: NDArray[np.in
     after = np.searchsorted(positions, missing)
     before = poses[positions[np.clip(after - 1, 0, None)], :3, :3]
     following = poses[positions[np.clip(after, None, len(positions) - 1)], :3, :3]
-    cosine = 0.5 * (np.einsum("nij,nij->n", before, following) - 1.0)
-    return np.arccos(np.clip(cosine, -1.0, 1.0))
+    return rotation_angle_rad(np.swapaxes(before, 1, 2) @ following)
 
 
 def n_covered(keyframes: list[int], all_keyframes: list[int], n_frames: int) -> int:

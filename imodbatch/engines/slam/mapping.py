@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage
 from imodbatch.core.frames import apply, invert, orthonormal, twist_between
-from imodbatch.core.trajectory import DENSE, LOST, TRACKED
+from imodbatch.core.trajectory import DENSE, TRACKED
 from imodbatch.engines.rgbd.features import FeatureExtractor
 from imodbatch.engines.rgbd.gray import Gray
 from imodbatch.engines.rgbd.registration import bind, settle
@@ -248,10 +248,6 @@ class Mapper:
         self._n_fitting = 0
         has_features = features.has_depth.sum() >= MIN_TO_START
         self._record(TRACKED if has_features else DENSE)
-
-    def status(self) -> NDArray[np.str_]:
-        """(F,) status of each frame so far."""
-        return np.array([LOST if r is None else r.status for r in self.records], dtype="<U12")
 
 
 def _has_depth(seen: Seen) -> bool:

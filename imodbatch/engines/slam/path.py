@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imodbatch.config import SlamConfig
+from imodbatch.core.alignment import known
 from imodbatch.core.depth import DepthImage
 from imodbatch.core.frames import invert
 from imodbatch.core.trajectory import LOST, FramePoses, Trajectory
@@ -81,16 +81,14 @@ def _trajectory(frames: RgbdFrames, mapper: Mapper) -> Trajectory:
             "texture and shape in view, or frames too far apart. Use poses.source = 'sfm', or "
             "[odometry] in the manifest."
         )
-    poses = np.full((n, 4, 4), np.nan)
-    status = mapper.status()
+    poses, status = np.full((n, 4, 4), np.nan), np.full(n, LOST, dtype="<U12")
     for position, record in enumerate(mapper.records):
-        if record is None or part_of[position] != largest:
-            status[position] = LOST
-            continue
-        cam_from_world = record.cam_from_keyframe @ keyframes[record.keyframe].cam_from_world
-        poses[position] = invert(cam_from_world)
-    first = int(np.flatnonzero(status != LOST)[0])
-    poses = invert(poses[first]) @ poses
+        if record is not None and part_of[position] == largest:
+            reference = keyframes[record.keyframe].cam_from_world
+            poses[position] = invert(record.cam_from_keyframe @ reference)
+            status[position] = record.status
+    poses = invert(poses[np.flatnonzero(status != LOST)[0]]) @ poses
+    status[~known(poses)] = LOST
     others = sum(size.values()) - size[largest]
     warnings: tuple[str, ...] = ()
     if others:
@@ -107,8 +105,4 @@ def _trajectory(frames: RgbdFrames, mapper: Mapper) -> Trajectory:
         "slam_parts": float(len(size)),
     }
     summary = f"slam: {n_keyframes} keyframes, {mapper.n_loops} loops"
-    return Trajectory(FramePoses(poses, _checked(poses, status)), summary, warnings, figures)
-
-
-def _checked(poses: NDArray[np.float64], status: NDArray[np.str_]) -> NDArray[np.str_]:
-    return np.where(np.isfinite(poses[:, 0, 0]), status, LOST)
+    return Trajectory(FramePoses(poses, status), summary, warnings, figures)
