@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 N_FRAMES = 24
 MOST_APART = 4
 """Frames of the sample that are held against each other: odometry drifts."""
+CENTRE_FIRST = "shifted by half their size: the first two numbers are the centre"
 WINDOW = 0.4
 BORDER_PX = 3.0
 FEWEST_PAIRS = 10
@@ -54,19 +55,17 @@ def mirrored(boxes: Array, width_px: int, height_px: int) -> dict[str, Array]:
     width, height = right - left, bottom - top
     from_right, from_left = width_px - right, width_px - left
     from_bottom, from_top = height_px - bottom, height_px - top
+    x, y = left - width / 2, top - height / 2
     readings = {
         "mirrored (x counts from the right)": (from_right, top, from_left, bottom),
         "upside down (y counts from the bottom)": (left, from_bottom, right, from_top),
         "turned by 180°": (from_right, from_bottom, from_left, from_top),
-        "shifted by half their size: the first two numbers are the centre": (
-            *(left - width / 2, top - height / 2),
-            *(left + width / 2, top + height / 2),
-        ),
+        CENTRE_FIRST: (x, y, x + width, y + height),
         "given with x and y swapped": (top, left, bottom, right),
         "width and height read as a corner": (left, top, left + right, top + bottom),
         "a corner read as width and height": (left, top, width, height),
-        "of images of half the size": 2 * boxes.T,
-        "of images of twice the size": boxes.T / 2,
+        "of images of half the size": (2 * left, 2 * top, 2 * right, 2 * bottom),
+        "of images of twice the size": (left / 2, top / 2, right / 2, bottom / 2),
     }
     return {name: np.stack(sides, axis=-1) for name, sides in readings.items()}
 

@@ -96,9 +96,11 @@ def measure(sample: Sample, camera: PinholeCamera) -> Motions:
     for row, motion in enumerate(found.values()):
         points, pixels = motion.points_a[:MOST_POINTS], motion.pixels_b[:MOST_POINTS]
         points_a[row, : len(points)], pixels_b[row, : len(points)] = points, pixels
+    first, second = np.array(list(found), dtype=np.int64).reshape(-1, 2).T
     return Motions(
         camera,
-        *np.array(list(found), dtype=np.int64).reshape(-1, 2).T,
+        first,
+        second,
         np.array([motion.b_from_a for motion in found.values()]).reshape(-1, 4, 4),
         points_a,
         pixels_b,

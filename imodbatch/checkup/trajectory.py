@@ -9,6 +9,7 @@ from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting,
 from imodbatch.checkup.subject import Subject
 from imodbatch.core.alignment import rotation_angle_rad
 from imodbatch.core.frames import invert, is_rigid
+from imodbatch.core.pairs import steps_m
 from imodbatch.core.trajectory import Trajectory
 from imodbatch.datasets.base import NS_PER_MS, Odometry
 from imodbatch.errors import ImodError
@@ -43,8 +44,7 @@ def check_poses(subject: Subject, motion: Ask) -> Outcome:
         *_jumps(subject, poses, motion),
         *(Finding(WARNING, text[0].upper() + text[1:] + ".") for text in trajectory.warnings),
     ]
-    steps = np.linalg.norm(np.diff(poses[known][:, :3, 3], axis=0), axis=-1)
-    length = float(steps.sum())
+    length = float(steps_m(poses[known]).sum())
     summary = f"{int(known.sum())} of {len(known)} frames have one; the path is {length:.2f} m long"
     return Outcome("poses", summary, tuple(findings))
 

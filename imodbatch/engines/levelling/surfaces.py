@@ -6,7 +6,7 @@ so in every frame.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,12 +67,8 @@ def find_surfaces(frames: Sequence[tuple[Array, Array]], seed: int) -> Surfaces:
 
 
 def _moved(plane: Plane, world_from_cam: Array) -> Plane:
-    return Plane(
-        world_from_cam[:3, :3] @ plane.normal,
-        apply(world_from_cam, plane.centroid),
-        plane.n_points,
-        plane.sigma_deg,
-    )
+    normal, centroid = world_from_cam[:3, :3] @ plane.normal, apply(world_from_cam, plane.centroid)
+    return replace(plane, normal=normal, centroid=centroid)
 
 
 def _groups(planes: list[Plane]) -> list[list[Plane]]:

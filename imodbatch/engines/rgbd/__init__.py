@@ -4,7 +4,7 @@
 - `features`, `matching`, `flow`, `measurement`: what a frame offers, found again in another.
 - `resection`, `surfaces`, `registration`: one pose from features, from surfaces, from both.
 - `motion`: how the camera moved between two frames.
-- `adjustment`, `ties`: many poses and points at once.
+- `adjustment`: many poses and points at once.
 """
 
 from imodbatch.engines.rgbd.frames import RgbdFrames

@@ -6,7 +6,7 @@ the directions that it knows.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,23 +92,12 @@ def _add_surfaces(
     return n_met / max(n_asked, 1), n_fitting / max(n_met, 1)
 
 
-def tie(target: Surface, samples: Array, target_from_source: Array) -> Settled:
-    """Relative pose of two frames by their surfaces alone, and what that says about it.
-
-    `cam_from_world` of the result is source_from_target; directions along which the surfaces slide
-    stay as guessed and get no information.
-    """
-    start = invert(target_from_source)
-    found = settle(target.camera, start, None, samples, [(target, np.eye(4))])
-    systematic = np.diag(np.repeat(np.square([TIE_SIGMA_M, TIE_SIGMA_RAD]), 3))
-    covariance = np.linalg.inv(found.information + 1e-6 * np.eye(6)) + systematic
-    return replace(found, information=np.linalg.inv(covariance))
-
-
 def bind(
     surfaces: Sequence[Surface], cam_from_world: Sequence[Array] | Array, first: int, second: int
 ) -> Tie | None:
-    """Tie two frames by their surfaces; None where these overlap too little.
+    """Tie two frames by their surfaces alone; None where these overlap too little.
+
+    Directions along which the surfaces slide stay as they are and get no information.
 
     Args:
         surfaces: of K frames.
@@ -116,8 +105,11 @@ def bind(
         first: frame whose surface the other's samples are laid on.
         second: that other one.
     """
-    first_from_second = cam_from_world[first] @ invert(cam_from_world[second])
-    found = tie(surfaces[first], surfaces[second].samples, first_from_second)
+    target, samples = surfaces[first], surfaces[second].samples
+    start = invert(cam_from_world[first] @ invert(cam_from_world[second]))
+    found = settle(target.camera, start, None, samples, [(target, np.eye(4))])
     if found.met < MIN_TIE_MET:
         return None
-    return Tie(second, first, found.cam_from_world, found.information)
+    systematic = np.diag(np.repeat(np.square([TIE_SIGMA_M, TIE_SIGMA_RAD]), 3))
+    covariance = np.linalg.inv(found.information + 1e-6 * np.eye(6)) + systematic
+    return Tie(second, first, found.cam_from_world, np.linalg.inv(covariance))

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 N_ROUNDS, N_ITERATIONS = 3, 5
 SETTLED = 1e-5
 RANSAC_ERROR_PX = 4.0
+MIN_FITTING = 25
+"""Sightings that a pose must explain to be believed near a guess."""
 
 
 @dataclass(frozen=True)

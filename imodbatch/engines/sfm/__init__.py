@@ -5,7 +5,7 @@ the image has moved (`keyframes`), described by SIFT (`features`) and matched wi
 and with whatever else in the sequence looks alike (`retrieval`). COLMAP reconstructs the keyframes
 (`mapping`), depth images give the result its metres (`scale`), and the frames in between find their
 pose by tracking the reconstructed points into them (`localization`). Depth, also as surfaces,
-straightens both by slam's means (`depth_adjustment`). `estimation` is the order of events.
+straightens both (`depth_adjustment`). `estimation` is the order of events.
 """
 
 from imodbatch.engines.sfm.estimation import estimate

@@ -18,11 +18,10 @@ from imodbatch.engines.rgbd import RgbdFrames, measurement
 from imodbatch.engines.rgbd.adjustment import Network, Tie, adjust
 from imodbatch.engines.rgbd.features import SCALE_FACTOR, smooth_depth
 from imodbatch.engines.rgbd.registration import bind, settle
-from imodbatch.engines.rgbd.resection import Sightings, refine
+from imodbatch.engines.rgbd.resection import MIN_FITTING, Sightings, refine
 from imodbatch.engines.rgbd.surfaces import Surface, surface
 from imodbatch.engines.sfm.colmap import Progress
 from imodbatch.engines.sfm.mapping import Model, Sights
-from imodbatch.engines.slam.tracking import MIN_FITTING
 
 Array = NDArray[np.float64]
 Target = tuple[Surface, Array]

@@ -4,9 +4,9 @@ After ORB-SLAM2 (Mur-Artal & Tardós 2017) in plan, not in code: frames are foun
 where they should appear, else by PnP in RANSAC; a local map of keyframes is refined in windows; old
 places seen again close loops. Depth is used twice, behind each feature and as a surface.
 
-- `features`, `matching`, `measurement`: what a frame offers and how it is compared.
-- `resection`, `surfaces`, `registration`: one pose from features, from surfaces, from both.
-- `landmarks`, `adjustment`, `refinement`: the map, and bundle adjustment of it.
+What frames offer and how they are compared is in `imodbatch.engines.rgbd`.
+
+- `frame`, `landmarks`, `refinement`: the map, and bundle adjustment of it.
 - `places`, `loops`: recognition and loop closing. `dense`: where features are too few.
 - `tracking`, `mapping`: the way of one frame. `path`: from the map to a trajectory.
 """

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from imodbatch.core.frames import invert, orthonormal, twist_between
 from imodbatch.core.pairs import nearest_views
 from imodbatch.engines.open3d_library import open3d
-from imodbatch.engines.rgbd.registration import settle
+from imodbatch.engines.rgbd.registration import Settled, settle
 from imodbatch.engines.slam.landmarks import NO_POINT, Landmarks
 from imodbatch.engines.slam.places import Places
 from imodbatch.engines.slam.refinement import move_keyframe
@@ -29,16 +29,14 @@ class Loop:
     Attributes:
         old, new: keyframes.
         located: the new one as seen from the old one's points.
-        cam_from_world: (4, 4) of the new one in the old one's world, by features and surfaces.
-        information: (6, 6) inverse covariance of a twist on its left.
+        settled: its pose in the old one's world, by features and surfaces.
         correction_m, correction_rad: how far that is from where it was thought to be.
     """
 
     old: int
     new: int
     located: Located
-    cam_from_world: Array
-    information: Array
+    settled: Settled
     correction_m: float
     correction_rad: float
 
@@ -66,8 +64,7 @@ def find_loop(landmarks: Landmarks, places: Places, new: int) -> Loop | None:
             old,
             new,
             located,
-            settled.cam_from_world,
-            settled.information,
+            settled,
             float(np.linalg.norm(away[:3])),
             float(np.linalg.norm(away[3:])),
         )
@@ -98,7 +95,7 @@ def nearest(landmarks: Landmarks, new: int) -> list[int]:
 def join_parts(landmarks: Landmarks, loop: Loop) -> None:
     """Carry the new keyframe's whole part over to the old one's world."""
     old, new = landmarks.keyframes[loop.old], landmarks.keyframes[loop.new]
-    now_from_then = invert(new.cam_from_world) @ loop.cam_from_world
+    now_from_then = invert(new.cam_from_world) @ loop.settled.cam_from_world
     for k in landmarks.part(new.part):
         keyframe = landmarks.keyframes[k]
         move_keyframe(landmarks, k, orthonormal(keyframe.cam_from_world @ now_from_then))
@@ -121,8 +118,8 @@ def spread_correction(landmarks: Landmarks, loop: Loop) -> None:
         (a, b, orthonormal(keyframes[b].cam_from_world @ invert(keyframes[a].cam_from_world)), held)
         for (a, b), held in _edges(landmarks, numbers).items()
     ]
-    old_from_new = keyframes[loop.old].cam_from_world @ invert(loop.cam_from_world)
-    edges.append((loop.new, loop.old, old_from_new, _open3d_order(loop.information)))
+    old_from_new = keyframes[loop.old].cam_from_world @ invert(loop.settled.cam_from_world)
+    edges.append((loop.new, loop.old, old_from_new, _open3d_order(loop.settled.information)))
     for a, b, b_from_a, information in edges:  # open3d's edge takes its source to its target
         graph.edges.append(
             registration.PoseGraphEdge(node[a], node[b], b_from_a, information, uncertain=False)

@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.engines.rgbd.matching import Expected, mutual_matches, projection_matches
-from imodbatch.engines.rgbd.resection import ransac, refine
+from imodbatch.engines.rgbd.resection import MIN_FITTING, ransac, refine
 from imodbatch.engines.slam.frame import Frame
 from imodbatch.engines.slam.landmarks import NO_POINT, Keyframe, Landmarks
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-MIN_FITTING = 25
 NEAR_PX, WIDE_PX, CLOSE_PX = 12.0, 36.0, 5.0
 MIN_MATCHES_TO_START = 12
 

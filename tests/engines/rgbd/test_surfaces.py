@@ -7,7 +7,7 @@ from rooms import CAMERA, PLAIN_CORNER, filmed, freeze, off
 from imodbatch.core.alignment import rotation_angle_rad
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import exp_twist, invert
-from imodbatch.engines.rgbd.registration import settle, tie
+from imodbatch.engines.rgbd.registration import bind, settle
 from imodbatch.engines.rgbd.resection import Sightings
 from imodbatch.engines.rgbd.surfaces import MAX_DEPTH_M, SOURCE_STEP, contact, surface
 
@@ -182,13 +182,19 @@ def test_nothing_to_settle_on():
 
 def test_a_tie_is_a_relative_pose_with_its_certainty():
     poses = filmed(PLAIN_CORNER, "corner")[2]
-    one, other = corner_surface(), corner_surface(4)
-    truth = invert(poses[0]) @ poses[4]
-    found = tie(one, other.samples, exp_twist(np.full(6, 0.01)) @ truth)
-    away = found.cam_from_world @ truth
+    cam_from_world = invert(poses[[0, 4]])
+    guess = [cam_from_world[0], invert(exp_twist(np.full(6, 0.01))) @ cam_from_world[1]]
+    found = bind([corner_surface(), corner_surface(4)], guess, 0, 1)
+    assert (found.first, found.second) == (1, 0)
+    away = found.first_from_second @ cam_from_world[0] @ poses[4]
     assert np.linalg.norm(away[:3, 3]) < 0.005
     sigma = np.sqrt(np.diag(np.linalg.inv(found.information)))
     assert (sigma[:3] >= 0.002).all()  # never surer than the sensor's systematic errors
     assert (sigma[:3] < 0.02).all()
-    on_wall = tie(bare_wall(), bare_wall().samples, np.eye(4)).information
+    on_wall = bind([bare_wall()] * 2, [np.eye(4)] * 2, 0, 1).information
     assert on_wall[0, 0] < 1 < on_wall[2, 2]
+
+
+def test_surfaces_that_hardly_meet_are_not_tied():
+    away = [np.eye(4), exp_twist(np.array([0, 0, -1.0, 0, 0, 0]))]
+    assert bind([bare_wall()] * 2, away, 0, 1) is None

@@ -7,12 +7,13 @@ from rooms import CAMERA, Room, filmed, look, off, render
 from imodbatch.core.frames import apply, exp_twist, invert
 from imodbatch.engines.rgbd.features import FeatureExtractor, Features
 from imodbatch.engines.rgbd.matching import hamming
+from imodbatch.engines.rgbd.resection import MIN_FITTING
 from imodbatch.engines.rgbd.surfaces import surface
 from imodbatch.engines.slam.frame import Frame
 from imodbatch.engines.slam.landmarks import MIN_SHARED, NO_POINT, Keyframe, Landmarks
 from imodbatch.engines.slam.places import Places
 from imodbatch.engines.slam.refinement import move_keyframe, refine_around
-from imodbatch.engines.slam.tracking import MIN_FITTING, follow, recognise
+from imodbatch.engines.slam.tracking import follow, recognise
 
 
 def features(rng, n, share_with_depth=1.0):
