@@ -11,7 +11,6 @@ import click
 if TYPE_CHECKING:
     from imodbatch.checkup.examine import Examined
     from imodbatch.checkup.finding import Outcome
-    from imodbatch.manifest import Manifest, SequenceSection
 
 
 @click.command()
@@ -48,7 +47,7 @@ def doctor(
     from imodbatch.manifest import load_manifest
 
     checked = load_manifest(manifest)
-    examined = examine(checked, _chosen(checked, sequences), n_frames, _progress)
+    examined = examine(checked, checked.choose(sequences), n_frames, _progress)
     for part in examined:
         _print_part(part)
     outcomes = [outcome for part in examined for outcome in part.outcomes]
@@ -58,18 +57,6 @@ def doctor(
         write_text(json_file, json.dumps(document, indent=1, allow_nan=False))
     if any(outcome.has_error for outcome in outcomes):
         sys.exit(1)
-
-
-def _chosen(manifest: "Manifest", ids: tuple[str, ...]) -> "list[SequenceSection]":
-    from imodbatch.errors import ConfigError
-
-    known = [sequence.id for sequence in manifest.sequences]
-    for name in ids:
-        if name not in known:
-            raise ConfigError(
-                f"--sequence {name}: not in manifest {manifest.name}. Known: {', '.join(known)}."
-            )
-    return [sequence for sequence in manifest.sequences if not ids or sequence.id in ids]
 
 
 def _progress(items: Iterable[Any], name: str) -> Iterable[Any]:

@@ -1,13 +1,15 @@
 """A dataset split as data: where it lies, how it is laid out, which cameras, classes, sequences.
 
 Paths are relative to `root`, and `root` to the manifest; ``${NAME}`` is an environment variable.
-``{sequence}`` in a path stands for the sequence's own `path`, ``{frame}`` for a frame number.
-A shipped manifest goes by name, and is read as if it lay in ``manifests`` of the working directory.
+``{sequence}`` in a path stands for the sequence's own `path`, ``{number}`` for the number that it
+ends in, ``{frame}`` for a frame number. A shipped manifest goes by name, and is read as if it lay in
+``manifests`` of the working directory.
 """
 
 import os
 import re
 from collections import Counter
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -265,6 +267,22 @@ class SequenceSection(StrictModel):
             return False
         return (frame_index - (start or 0)) % (step or 1) == 0
 
+    def fill(self, pattern: str) -> str:
+        """A path of the manifest, with the sequence's path and number put in.
+
+        Raises:
+            ConfigError: a number is asked for, and the sequence's path does not end in one.
+        """
+        if "{number}" in pattern:
+            number = re.search(r"\d+$", self.path.rstrip("/"))
+            if number is None:
+                raise ConfigError(
+                    f"sequence {self.id!r}: path {self.path!r} has no number at its end to stand "
+                    f"for {{number}} in {pattern!r}. Expected a path such as 'scene_01'."
+                )
+            pattern = pattern.replace("{number}", number[0])
+        return pattern.replace("{sequence}", self.path)
+
 
 class SimulateSection(StrictModel):
     """`[simulate]`: the arguments with which `imodbatch simulate` makes the data.
@@ -344,6 +362,20 @@ class Manifest(StrictModel):
             given = own if is_name(own) else self.folder / own
         return given and find_shipped(given, "pipeline", shipped_folder("pipelines"))
 
+    def choose(self, ids: Collection[str]) -> tuple[SequenceSection, ...]:
+        """Some of the sequences, in the manifest's order; all of them where none is named.
+
+        Raises:
+            ConfigError: an id that the manifest does not have.
+        """
+        known = [sequence.id for sequence in self.sequences]
+        for name in ids:
+            if name not in known:
+                raise ConfigError(
+                    f"--sequence {name}: not in manifest {self.name}. Known: {', '.join(known)}."
+                )
+        return tuple(s for s in self.sequences if not ids or s.id in ids)
+
     def sequence(self, sequence_id: str) -> SequenceSection:
         """The sequence of that id."""
         return next(s for s in self.sequences if s.id == sequence_id)
@@ -354,10 +386,10 @@ class Manifest(StrictModel):
         With ``{sequence}`` in it the path is relative to the root, else it is looked for in the
         sequence's folder first and in the root second.
         """
-        if "{sequence}" in pattern:
-            return self.root_path / pattern.replace("{sequence}", sequence.path)
-        beside = self.root_path / sequence.path / pattern
-        return beside if beside.exists() else self.root_path / pattern
+        path = sequence.fill(pattern)
+        beside = self.root_path / sequence.path / path
+        is_beside = "{sequence}" not in pattern and beside.exists()
+        return beside if is_beside else self.root_path / path
 
 
 def load_manifest(name_or_path: Path) -> Manifest:

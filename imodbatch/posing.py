@@ -13,7 +13,7 @@ from imodbatch.context import Context, camera_of
 from imodbatch.core.alignment import known
 from imodbatch.core.depth import DepthImage
 from imodbatch.core.trajectory import FramePoses, Trajectory
-from imodbatch.datasets.registry import adapter_of
+from imodbatch.datasets.registry import layout_of
 from imodbatch.engines.levelling.up import Up
 from imodbatch.engines.rgbd import RgbdFrames
 from imodbatch.errors import DataError
@@ -70,7 +70,7 @@ def _reference(
     """True poses; their up is known where `[reference]`, or else `[world]`, says so."""
     manifest = context.manifest
     try:
-        true = adapter_of(manifest).reference(manifest, sequence)
+        true = layout_of(manifest).reference(manifest, sequence)
         if true is None:
             return None
         of_frames = poses.from_odometry(frames, true, context.pipeline.poses).poses
@@ -118,8 +118,7 @@ def _from_odometry(
     context: Context, sequence: SequenceSection, frames: pa.Table, progress: Progress[Any]
 ) -> Trajectory:
     del progress
-    manifest, adapter = context.manifest, adapter_of(context.manifest)
-    odometry = adapter.odometry(manifest, sequence, adapter.frames(manifest, sequence))
+    odometry = layout_of(context.manifest).odometry(context.manifest, sequence)
     return poses.from_odometry(frames, odometry, context.pipeline.poses)
 
 
@@ -187,11 +186,11 @@ def _points_cam(context: Context, row: Any, max_depth_m: float) -> NDArray[np.fl
 
 def pose_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
     """Files that the poses depend on."""
-    manifest, adapter = context.manifest, adapter_of(context.manifest)
+    manifest, layout = context.manifest, layout_of(context.manifest)
     is_estimated = context.pipeline.poses.source != "odometry"
-    return (index.image_files if is_estimated else adapter.odometry_files)(manifest, sequence)
+    return (index.image_files if is_estimated else layout.odometry_files)(manifest, sequence)
 
 
 def reference_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
     """Files of true poses."""
-    return adapter_of(context.manifest).reference_files(context.manifest, sequence)
+    return layout_of(context.manifest).reference_files(context.manifest, sequence)

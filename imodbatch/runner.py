@@ -65,16 +65,7 @@ class Plan:
         Raises:
             ConfigError: an id that the manifest does not have.
         """
-        ids = tuple(ids)
-        known = [sequence.id for sequence in self.sequences]
-        for name in ids:
-            if name not in known:
-                raise ConfigError(
-                    f"--sequence {name}: not in manifest {self.context.manifest.name}. "
-                    f"Known: {', '.join(known)}."
-                )
-        chosen = tuple(s for s in self.sequences if s.id in ids) if ids else self.sequences
-        return replace(self, sequences=chosen)
+        return replace(self, sequences=self.context.manifest.choose(tuple(ids)))
 
 
 @dataclass(frozen=True)

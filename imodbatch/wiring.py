@@ -18,7 +18,7 @@ from imodbatch.context import Context
 from imodbatch.core.scoring import Candidates, Truth
 from imodbatch.datasets.annotations import annotation_files
 from imodbatch.datasets.detections import detection_files, read_detections
-from imodbatch.datasets.registry import adapter_of, annotated, camera_model, layout_files
+from imodbatch.datasets.registry import annotated, camera_model, layout_of
 from imodbatch.engines.detector.card import Checkpoint, checkpoint_files, read_checkpoint
 from imodbatch.errors import ConfigError
 from imodbatch.manifest import SequenceSection
@@ -77,7 +77,7 @@ def _index_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
     manifest = context.manifest
     return [
         *index.image_files(manifest, sequence),
-        *layout_files(manifest, sequence),
+        *layout_of(manifest).other_files(manifest, sequence),
         *annotation_files(annotated(manifest, sequence), sequence),
     ]
 
@@ -99,7 +99,7 @@ def _detect(
         imported = read_detections(
             annotated(manifest, sequence),
             sequence,
-            adapter_of(manifest).frames(manifest, sequence),
+            layout_of(manifest).frames(manifest, sequence),
             camera.width_px,
             camera.height_px,
             grid,

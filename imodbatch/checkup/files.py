@@ -11,7 +11,7 @@ from pathlib import Path
 from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting
 from imodbatch.checkup.subject import Subject
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.datasets.registry import adapter_of
+from imodbatch.datasets.registry import miscount
 from imodbatch.errors import DataError
 from imodbatch.images import (
     UnreadableImageError,
@@ -113,15 +113,8 @@ def _without_depth(frame_index: list[int], n_frames: int) -> list[Finding]:
 
 def _miscount(subject: Subject) -> list[Finding]:
     """Another number of frames than the manifest expects of the whole sequence."""
-    expected = subject.sequence.n_frames
-    if expected is None:
-        return []
-    whole = subject.sequence.model_copy(update={"frames": None})
-    n_found = len(adapter_of(subject.manifest).frames(subject.manifest, whole))
-    if n_found == expected:
-        return []
-    seen = f"{n_found} of {expected} frames (sequences.n_frames) are there. Is it all downloaded?"
-    return [Finding(WARNING, seen, figures={"n_frames": n_found})]
+    counted = miscount(subject.manifest, subject.sequence)
+    return [Finding(WARNING, counted[1], figures={"n_frames": counted[0]})] if counted else []
 
 
 def _size_outcome(

@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 from imodbatch.config import PosesConfig
 from imodbatch.core.trajectory import Trajectory
 from imodbatch.datasets.base import CameraModel, FrameFile, Odometry
-from imodbatch.datasets.registry import adapter_of, annotated, camera_model
+from imodbatch.datasets.registry import annotated, camera_model, layout_of
 from imodbatch.errors import ImodError
 from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
 from imodbatch.stages.poses import from_odometry
 
 Array = NDArray[np.float64]
-LAYOUT_DEFAULTS = ("POSES", "TRUE_POSES", "ODOMETRY")
-"""What layouts call the `[odometry]` that they take where the manifest has none."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class Subject:
         Raises:
             ImodError: the manifest cannot be meant, or a file of stamps is damaged.
         """
-        files = adapter_of(manifest).frames(manifest, sequence)
+        files = layout_of(manifest).frames(manifest, sequence)
         cameras = camera_model(manifest, sequence)
         return cls(annotated(manifest, sequence), sequence, files, cameras)
 
@@ -64,7 +62,7 @@ class Subject:
     def odometry(self) -> Odometry | ImodError | None:
         """The poses that come with the sequence; the error if they cannot be read; None = none."""
         try:
-            return adapter_of(self.manifest).odometry(self.manifest, self.sequence, self.files)
+            return layout_of(self.manifest).odometry(self.manifest, self.sequence)
         except ImodError as error:
             return error
 
@@ -93,9 +91,7 @@ class Subject:
     @property
     def odometry_section(self) -> OdometrySection | None:
         """How the poses are read: the manifest's section, or what the layout takes by default."""
-        adapter = adapter_of(self.manifest)
-        defaults = (getattr(adapter, name, None) for name in LAYOUT_DEFAULTS)
-        return self.manifest.odometry or next((d for d in defaults if d is not None), None)
+        return layout_of(self.manifest).odometry_section(self.manifest, self.sequence)
 
     def name_of(self, position: int) -> str:
         """A frame for a sentence."""

@@ -1,17 +1,14 @@
-"""What an adapter gives: the frames of a sequence as files, and the poses that came with them."""
+"""What a layout gives: the frames of a sequence as files, its cameras, and poses as read."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.manifest import AnnotationsSection, Manifest, SequenceSection
 
 NS_PER_S, NS_PER_MS = 1_000_000_000, 1_000_000
 
@@ -86,51 +83,3 @@ def nanoseconds(text: str, unit_ns: int = NS_PER_S) -> int:
         unit = "seconds" if unit_ns == NS_PER_S else "nanoseconds"
         raise ValueError(f"{text[:30]!r} is no moment in {unit}")
     return int((moment * unit_ns).to_integral_value())
-
-
-class Adapter(Protocol):
-    """A dataset layout."""
-
-    def frames(self, manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
-        """All frames of a sequence that the manifest's slice keeps, by rising number."""
-        ...
-
-    def cameras(self, manifest: Manifest) -> CameraModel:
-        """The cameras, where the manifest does not override them."""
-        ...
-
-    def odometry(
-        self, manifest: Manifest, sequence: SequenceSection, frames: Sequence[FrameFile]
-    ) -> Odometry | None:
-        """The poses that come with a sequence; None = the dataset has none."""
-        ...
-
-    def odometry_files(self, manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-        """Files that `odometry` reads, for provenance."""
-        ...
-
-    def reference(self, manifest: Manifest, sequence: SequenceSection) -> Odometry | None:
-        """True poses, by which others are judged and nothing else is done; None = none."""
-        ...
-
-    def reference_files(self, manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-        """Files that `reference` reads, for provenance."""
-        ...
-
-
-@dataclass(frozen=True)
-class Extras:
-    """What a layout knows beyond `Adapter`.
-
-    Attributes:
-        cameras: the cameras of one sequence, where sequences were taken by different ones.
-        files: the files besides images and poses that frames and cameras are read from, for
-            provenance; they may be missing.
-        annotations: which true boxes to read, where the manifest does not say.
-    """
-
-    cameras: Callable[[Manifest, SequenceSection], CameraModel] | None = None
-    files: Callable[[Manifest, SequenceSection], list[Path]] = lambda manifest, sequence: []  # noqa: ARG005
-    annotations: Callable[[Manifest, SequenceSection], AnnotationsSection] = (
-        lambda manifest, sequence: manifest.annotations  # noqa: ARG005
-    )

@@ -1,50 +1,31 @@
 """Any folder of RGB-D frames, read by the manifest alone: `[camera]`, `[images]`, `[odometry]`."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from imodbatch.core.trajectory import associate
-from imodbatch.datasets.base import (
-    NS_PER_MS,
-    NS_PER_S,
-    CameraModel,
-    Extras,
-    FrameFile,
-    Odometry,
-    nanoseconds,
-)
+from imodbatch.datasets.base import NS_PER_MS, NS_PER_S, CameraModel, FrameFile, nanoseconds
+from imodbatch.datasets.layout import Layout, frame_file, registered
 from imodbatch.datasets.patterns import PathPattern
-from imodbatch.datasets.trajectories import read_odometry, trajectory_files
 from imodbatch.errors import ConfigError, DataError
 from imodbatch.manifest import ImagesSection, Manifest, SequenceSection
 
 
-def frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
+def _frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
     """Colour images by number, each with its depth image (same number or name; nearest stamp)."""
-    return [f for f in _all_frames(manifest, sequence) if sequence.keeps(f.frame_index)]
-
-
-def _all_frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
     images, color = _images(manifest)
     base = manifest.root_path / sequence.path
     numbered = color.find(base)
     stamps = _timestamps(images, color, numbered, base)
     depth_of = _depth_by_number(images, color, numbered, base)
-    root = manifest.root_path
     return [
-        FrameFile(
-            number,
-            stamp,
-            path.relative_to(root).as_posix(),
-            depth_of[number].relative_to(root).as_posix() if number in depth_of else None,
-        )
+        frame_file(manifest.root_path, number, path, stamp, depth_of)
         for (number, path), stamp in zip(numbered, stamps, strict=True)
     ]
 
 
-def cameras(manifest: Manifest) -> CameraModel:
+def _cameras(manifest: Manifest, _sequence: SequenceSection | None) -> CameraModel:
     """A folder says nothing of its cameras: depth is taken as millimetres, registered to colour."""
     section = manifest.camera
     if section.color is None:
@@ -52,43 +33,10 @@ def cameras(manifest: Manifest) -> CameraModel:
             f"manifest {manifest.name}: adapter 'folder' needs camera.color with width_px, "
             "height_px, fx_px, fy_px, cx_px, cy_px."
         )
-    color = section.color.camera(section.pixel_origin)
-    return CameraModel(color, color, depth_scale_m=0.001, depth_invalid=(0,))
+    return registered(manifest, section.color.camera(section.pixel_origin))
 
 
-def odometry(
-    manifest: Manifest,
-    sequence: SequenceSection,
-    frames: Sequence[FrameFile],  # noqa: ARG001
-) -> Odometry | None:
-    """What `[odometry]` points at."""
-    if manifest.odometry is None:
-        return None
-    return read_odometry(manifest.odometry, manifest, sequence, _all_frames(manifest, sequence))
-
-
-def odometry_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """What `[odometry]` points at."""
-    if manifest.odometry is None:
-        return []
-    return trajectory_files(manifest.odometry, manifest, sequence)
-
-
-def reference(manifest: Manifest, sequence: SequenceSection) -> Odometry | None:
-    """What `[reference]` points at."""
-    if manifest.reference is None:
-        return None
-    return read_odometry(manifest.reference, manifest, sequence, _all_frames(manifest, sequence))
-
-
-def reference_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """What `[reference]` points at."""
-    if manifest.reference is None:
-        return []
-    return trajectory_files(manifest.reference, manifest, sequence)
-
-
-def layout_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
+def _files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
     """The file of timestamps, if `[images]` names one."""
     timestamps = None if manifest.images is None else manifest.images.timestamps
     return [] if timestamps is None else [manifest.root_path / sequence.path / timestamps]
@@ -170,4 +118,10 @@ def _depth_by_number(
     }
 
 
-EXTRAS = Extras(files=layout_files)
+LAYOUT = Layout(
+    _frames,
+    _cameras,
+    images="the patterns of [images]",
+    images_keys=frozenset(ImagesSection.model_fields),
+    other_files=_files,
+)

@@ -1,8 +1,7 @@
 """The layouts this version reads, by the name that a manifest's `adapter` uses."""
 
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -16,45 +15,53 @@ from imodbatch.datasets import (
     seven_scenes,
     tum,
 )
-from imodbatch.datasets.base import Adapter, CameraModel, Extras
+from imodbatch.datasets.base import CameraModel
+from imodbatch.datasets.layout import Layout
 from imodbatch.errors import ConfigError
 from imodbatch.manifest import Manifest, SequenceSection
 
-ADAPTERS: dict[str, Adapter] = {
-    "folder": cast(Adapter, folder),
-    "seven_scenes": cast(Adapter, seven_scenes),
-    "robot": cast(Adapter, robot),
-    "scannet": cast(Adapter, scannet),
-    "tum": cast(Adapter, tum),
-    "rgbd_scenes_v1": cast(Adapter, rgbd_scenes_v1),
-    "rgbd_scenes_v2": cast(Adapter, rgbd_scenes_v2),
+LAYOUTS: dict[str, Layout] = {
+    "folder": folder.LAYOUT,
+    "seven_scenes": seven_scenes.LAYOUT,
+    "robot": robot.LAYOUT,
+    "scannet": scannet.LAYOUT,
+    "tum": tum.LAYOUT,
+    "rgbd_scenes_v1": rgbd_scenes_v1.LAYOUT,
+    "rgbd_scenes_v2": rgbd_scenes_v2.LAYOUT,
 }
-EXTRAS: dict[str, Extras] = {
-    "folder": folder.EXTRAS,
-    "robot": robot.EXTRAS,
-    "scannet": scannet.EXTRAS,
-    "tum": tum.EXTRAS,
-}
-"""Of the layouts that have any."""
 
 
-def adapter_of(manifest: Manifest) -> Adapter:
-    """The adapter a manifest names."""
-    if manifest.adapter not in ADAPTERS:
-        hint = did_you_mean(manifest.adapter, list(ADAPTERS))
+def layout_of(manifest: Manifest) -> Layout:
+    """The layout that a manifest's `adapter` names.
+
+    Raises:
+        ConfigError: there is none of that name, or it has no use for a key of `[images]`.
+    """
+    if manifest.adapter not in LAYOUTS:
+        hint = did_you_mean(manifest.adapter, list(LAYOUTS))
         raise ConfigError(f"manifest {manifest.name}: unknown adapter {manifest.adapter!r}.{hint}")
-    return ADAPTERS[manifest.adapter]
-
-
-def layout_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """Files besides images and poses that frames and cameras are read from; some may be missing."""
-    return EXTRAS.get(manifest.adapter, Extras()).files(manifest, sequence)
+    layout = LAYOUTS[manifest.adapter]
+    layout.refuse_images(manifest)
+    return layout
 
 
 def annotated(manifest: Manifest, sequence: SequenceSection) -> Manifest:
     """The manifest with the true boxes that the layout has beside a sequence, if it names none."""
-    section = EXTRAS.get(manifest.adapter, Extras()).annotations(manifest, sequence)
+    section = layout_of(manifest).annotations(manifest, sequence)
     return manifest.model_copy(update={"annotations": section})
+
+
+def miscount(manifest: Manifest, sequence: SequenceSection) -> tuple[int, str] | None:
+    """How many frames a whole sequence has, and a sentence; None = as many as it should."""
+    if sequence.n_frames is None:
+        return None
+    n_found = len(layout_of(manifest).all_frames(manifest, sequence))
+    if n_found == sequence.n_frames:
+        return None
+    return n_found, (
+        f"{n_found} of {sequence.n_frames} frames (sequences.n_frames) in {manifest.root_path}. "
+        "Is the download complete?"
+    )
 
 
 def camera_model(manifest: Manifest, sequence: SequenceSection | None = None) -> CameraModel:
@@ -65,11 +72,7 @@ def camera_model(manifest: Manifest, sequence: SequenceSection | None = None) ->
         sequence: one of its sequences. Without it, where sequences have cameras of their own, the
             intrinsics are typical ones; what depth numbers mean is the same for all.
     """
-    section, of_sequence = manifest.camera, EXTRAS.get(manifest.adapter, Extras()).cameras
-    if sequence is None or of_sequence is None:
-        model = adapter_of(manifest).cameras(manifest)
-    else:
-        model = of_sequence(manifest, sequence)
+    section, model = manifest.camera, layout_of(manifest).cameras(manifest, sequence)
     given: dict[str, Any] = {}
     if section.color_from_depth is not None:
         given["color_from_depth"] = np.array(section.color_from_depth)

@@ -10,7 +10,6 @@ layout of the robot dataset of Konno et al. is not published, so nothing here cl
 """
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +17,8 @@ from pydantic import Field
 
 from imodbatch.config import validate
 from imodbatch.datasets import folder
-from imodbatch.datasets.base import CameraModel, Extras, FrameFile, Odometry
+from imodbatch.datasets.base import CameraModel, FrameFile
+from imodbatch.datasets.layout import Layout, always, registered
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.errors import ConfigError, DataError
 from imodbatch.manifest import (
@@ -46,28 +46,22 @@ class CameraFile(Intrinsics):
     frames_per_second: Annotated[float, Field(gt=0)] | None = None
 
 
-def as_folder(manifest: Manifest, sequence: SequenceSection) -> Manifest:
-    """The manifest with all that the adapter `folder` has to know of one sequence.
+def _as_folder(manifest: Manifest, sequence: SequenceSection) -> Manifest:
+    """The manifest with all that the adapter `folder` has to know of a sequence's images.
 
     Raises:
         ConfigError: camera.json says what cannot be meant.
         DataError: camera.json is damaged, or colour images of both endings lie side by side.
     """
-    filled: dict[str, Any] = {
-        "images": _images(manifest, sequence),
-        "odometry": manifest.odometry or ODOMETRY,
-    }
-    if manifest.reference is None and manifest.path_in(sequence, REFERENCE.path).is_file():
-        filled["reference"] = REFERENCE
-    return manifest.model_copy(update=filled)
+    return manifest.model_copy(update={"images": _images(manifest, sequence)})
 
 
-def frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
+def _frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
     """Colour images by number, each with its depth image."""
-    return folder.frames(as_folder(manifest, sequence), sequence)
+    return folder.LAYOUT.all_frames(_as_folder(manifest, sequence), sequence)
 
 
-def cameras(manifest: Manifest) -> CameraModel:
+def _cameras(manifest: Manifest, _sequence: SequenceSection | None) -> CameraModel:
     """The camera of camera.json, unless the manifest gives another; depth is registered to it.
 
     Raises:
@@ -81,44 +75,13 @@ def cameras(manifest: Manifest) -> CameraModel:
             "cy_px."
         )
     if file is None:
-        return folder.cameras(manifest)
-    section = manifest.camera
-    color = (section.color or file).camera(section.pixel_origin if section.color else "corner")
-    return CameraModel(color, color, file.depth_scale_m, depth_invalid=(0,))
+        return folder.LAYOUT.cameras(manifest, None)
+    return registered(manifest, file.camera("corner"), file.depth_scale_m)
 
 
-def odometry(
-    manifest: Manifest, sequence: SequenceSection, frames: Sequence[FrameFile]
-) -> Odometry | None:
-    """odometry.txt, or what `[odometry]` points at instead."""
-    return folder.odometry(as_folder(manifest, sequence), sequence, frames)
-
-
-def odometry_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """The files behind `odometry`."""
-    return folder.odometry_files(as_folder(manifest, sequence), sequence)
-
-
-def reference(manifest: Manifest, sequence: SequenceSection) -> Odometry | None:
-    """trajectory_true.txt, if there is one, or what `[reference]` points at instead."""
-    return folder.reference(as_folder(manifest, sequence), sequence)
-
-
-def reference_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """The files behind `reference`."""
-    return folder.reference_files(as_folder(manifest, sequence), sequence)
-
-
-def annotations(manifest: Manifest, sequence: SequenceSection) -> AnnotationsSection:
-    """annotations.json, if there is one and the manifest has no `[annotations]`."""
-    is_given = "annotations" in manifest.model_fields_set
-    has_file = manifest.path_in(sequence, ANNOTATIONS.path or "").is_file()
-    return manifest.annotations if is_given or not has_file else ANNOTATIONS
-
-
-def layout_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
+def _files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
     """camera.json, and what `folder` reads besides images."""
-    own = folder.layout_files(as_folder(manifest, sequence), sequence)
+    own = folder.LAYOUT.other_files(_as_folder(manifest, sequence), sequence)
     return [manifest.root_path / CAMERA_FILE, *own]
 
 
@@ -161,4 +124,13 @@ def _camera_file(manifest: Manifest) -> CameraFile | None:
     return validate(CameraFile, content, str(path))
 
 
-EXTRAS = Extras(annotations=annotations, files=layout_files)
+LAYOUT = Layout(
+    _frames,
+    _cameras,
+    images=f"{COLOR[0]} and {DEPTH}",
+    images_keys=folder.LAYOUT.images_keys,
+    own_poses=always(ODOMETRY),
+    true_poses=always(REFERENCE),
+    own_boxes=ANNOTATIONS,
+    other_files=_files,
+)

@@ -6,16 +6,15 @@ device of its own, so each sequence has its own intrinsics: ``intrinsic/intrinsi
 authors' word, one place: the extrinsics that are exported with them are identities.
 """
 
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.datasets.base import CameraModel, Extras, FrameFile, Odometry
+from imodbatch.datasets.base import CameraModel, FrameFile
+from imodbatch.datasets.layout import Layout, always, paired_frames
 from imodbatch.datasets.patterns import PathPattern
-from imodbatch.datasets.trajectories import read_odometry, trajectory_files
 from imodbatch.errors import DataError
 from imodbatch.images import UnreadableImageError, probe
 from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
@@ -30,80 +29,32 @@ FARTHEST_CENTER = 0.1
 """Of the principal point from the image's middle, over the image's side; scenes stay below 0.03."""
 
 
-def frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
+def _frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
     """The colour images by number, each with the depth image of that number."""
-    return [f for f in _all_frames(manifest, sequence) if sequence.keeps(f.frame_index)]
+    root = manifest.root_path
+    return paired_frames(root, root / sequence.path, COLOR, DEPTH)
 
 
-def _all_frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
-    base, root = manifest.root_path / sequence.path, manifest.root_path
-    depth = dict(DEPTH.find(base))
-    return [
-        FrameFile(
-            number,
-            None,
-            path.relative_to(root).as_posix(),
-            depth[number].relative_to(root).as_posix() if number in depth else None,
-        )
-        for number, path in _color_files(base)
-    ]
-
-
-def cameras(manifest: Manifest) -> CameraModel:  # noqa: ARG001
-    """Cameras such as those of most scenes, where no sequence is named; no file is read."""
-    return CameraModel(TYPICAL_COLOR, TYPICAL_DEPTH, depth_scale_m=0.001, depth_invalid=(0,))
-
-
-def sequence_cameras(manifest: Manifest, sequence: SequenceSection) -> CameraModel:
+def _cameras(manifest: Manifest, sequence: SequenceSection | None) -> CameraModel:
     """A scene's own cameras; what the manifest gives is not looked for in files.
 
     Raises:
         DataError: an intrinsics file is missing or damaged, does not fit the images, or the two
             cameras stand apart.
     """
-    given, base = manifest.camera, manifest.root_path / sequence.path
     color, depth = TYPICAL_COLOR, TYPICAL_DEPTH
-    if given.color is None:
-        files = (path for _, path in _color_files(base))
-        color = _camera(_file(base, "intrinsic_color"), files, color, "camera.color")
-    if given.depth is None or given.depth.intrinsics() is None:
-        files = (path for _, path in DEPTH.find(base))
-        depth = _camera(_file(base, "intrinsic_depth"), files, depth, "camera.depth")
-    if given.color_from_depth is None:
-        _refuse_if_apart(base)
+    if sequence is not None:
+        given, base = manifest.camera, manifest.root_path / sequence.path
+        if given.color is None:
+            color = _camera(_file(base, "intrinsic_color"), COLOR, color, "camera.color")
+        if given.depth is None or given.depth.intrinsics() is None:
+            depth = _camera(_file(base, "intrinsic_depth"), [DEPTH], depth, "camera.depth")
+        if given.color_from_depth is None:
+            _refuse_if_apart(base)
     return CameraModel(color, depth, depth_scale_m=0.001, depth_invalid=(0,))
 
 
-def odometry(
-    manifest: Manifest,
-    sequence: SequenceSection,
-    frames: Sequence[FrameFile],  # noqa: ARG001
-) -> Odometry | None:
-    """The scan's poses, or what `[odometry]` points at instead."""
-    all_frames = _all_frames(manifest, sequence)
-    return read_odometry(manifest.odometry or POSES, manifest, sequence, all_frames)
-
-
-def odometry_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """The files behind `odometry`."""
-    return trajectory_files(manifest.odometry or POSES, manifest, sequence)
-
-
-def reference(manifest: Manifest, sequence: SequenceSection) -> Odometry | None:
-    """The scan's poses, if there are any, or what `[reference]` points at instead."""
-    if not reference_files(manifest, sequence):
-        return None
-    all_frames = _all_frames(manifest, sequence)
-    return read_odometry(manifest.reference or POSES, manifest, sequence, all_frames)
-
-
-def reference_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """The files behind `reference`."""
-    return trajectory_files(manifest.reference or POSES, manifest, sequence)
-
-
-def camera_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """The files that `sequence_cameras` reads besides images."""
+def _camera_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
     return [_file(manifest.root_path / sequence.path, name) for name in NAMES]
 
 
@@ -111,12 +62,8 @@ def _file(base: Path, name: str) -> Path:
     return base / "intrinsic" / f"{name}.txt"
 
 
-def _color_files(base: Path) -> list[tuple[int, Path]]:
-    return sorted({number: path for p in COLOR for number, path in p.find(base)}.items())
-
-
 def _camera(
-    path: Path, images: Iterator[Path], typical: PinholeCamera, section: str
+    path: Path, images: list[PathPattern], typical: PinholeCamera, section: str
 ) -> PinholeCamera:
     """Intrinsics of a file, image size of the first image that can be read."""
     matrix = _read_matrix(path, f"Export it again, or give {section} in the manifest.")
@@ -126,7 +73,7 @@ def _camera(
             f"{path}: expected focal lengths above 0 and a principal point, found fx {fx:g}, "
             f"fy {fy:g}, cx {cx:g}, cy {cy:g}. Export it again, or give {section} in the manifest."
         )
-    width, height = _first_size(images) or (typical.width_px, typical.height_px)
+    width, height = _first_size(path.parents[1], images) or (typical.width_px, typical.height_px)
     # The exporter's numbers count from a pixel's middle: 319.5 for an image 640 wide.
     camera = PinholeCamera(width, height, fx, fy, cx + 0.5, cy + 0.5)
     off = max(abs(camera.cx_px / width - 0.5), abs(camera.cy_px / height - 0.5))
@@ -138,8 +85,8 @@ def _camera(
     return camera
 
 
-def _first_size(images: Iterator[Path]) -> tuple[int, int] | None:
-    for path in images:
+def _first_size(base: Path, images: list[PathPattern]) -> tuple[int, int] | None:
+    for _, path in sorted(found for pattern in images for found in pattern.find(base)):
         try:
             return probe(path)[:2]
         except UnreadableImageError:  # index warns of it
@@ -177,4 +124,11 @@ def _read_matrix(path: Path, cure: str) -> NDArray[np.float64]:
     return matrix
 
 
-EXTRAS = Extras(cameras=sequence_cameras, files=camera_files)
+LAYOUT = Layout(
+    _frames,
+    _cameras,
+    images="color/{frame}.jpg and depth/{frame}.png",
+    own_poses=always(POSES),
+    true_poses=always(POSES),
+    other_files=_camera_files,
+)

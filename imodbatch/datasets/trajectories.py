@@ -41,7 +41,7 @@ def _numbered_files(
     """Files of one matrix each, by frame number."""
     names_sequence = "{sequence}" in section.path
     base = manifest.root_path if names_sequence else manifest.root_path / sequence.path
-    return PathPattern(section.path.replace("{sequence}", sequence.path)).find(base)
+    return PathPattern(sequence.fill(section.path)).find(base)
 
 
 def read_odometry(

@@ -10,7 +10,6 @@ is not undone.
 """
 
 import re
-from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path, PurePosixPath
 
@@ -19,16 +18,9 @@ from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.trajectory import associate
-from imodbatch.datasets.base import (
-    NS_PER_MS,
-    CameraModel,
-    Extras,
-    FrameFile,
-    Odometry,
-    nanoseconds,
-)
-from imodbatch.datasets.trajectories import read_odometry, trajectory_files
-from imodbatch.errors import ConfigError, DataError
+from imodbatch.datasets.base import NS_PER_MS, CameraModel, FrameFile, nanoseconds
+from imodbatch.datasets.layout import Layout, always, registered
+from imodbatch.errors import DataError
 from imodbatch.manifest import ImagesSection, Manifest, OdometrySection, SequenceSection
 
 COLOR_LIST, DEPTH_LIST = "rgb.txt", "depth.txt"
@@ -47,19 +39,14 @@ OTHER_PX = (525.0, 525.0, 319.5, 239.5)
 Listed = list[tuple[int, str]]
 
 
-def frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
+def _frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
     """The lines of rgb.txt, each with the depth image nearest in time.
 
     Raises:
-        ConfigError: `[images]` names patterns, which this layout does not have.
         DataError: a list is missing or damaged, rgb.txt is not in order of time, or no depth image
             lies near any colour image.
     """
-    return [f for f in _all_frames(manifest, sequence) if sequence.keeps(f.frame_index)]
-
-
-def _all_frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
-    max_gap_ms = _max_gap_ms(manifest)
+    max_gap_ms = (manifest.images or ImagesSection()).max_gap_ms
     folder = manifest.root_path / sequence.path
     color = _read_list(folder / COLOR_LIST)
     _refuse_if_not_in_order(color, folder / COLOR_LIST)
@@ -77,71 +64,18 @@ def _all_frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile
     ]
 
 
-def cameras(manifest: Manifest) -> CameraModel:
-    """The camera where no sequence is named."""
-    return _camera(manifest, OTHER_PX)
-
-
-def sequence_cameras(manifest: Manifest, sequence: SequenceSection) -> CameraModel:
+def _cameras(manifest: Manifest, sequence: SequenceSection | None) -> CameraModel:
     """The camera of a sequence, by the last folder on its path that is called as TUM's are."""
-    series = SERIES.findall((manifest.root_path / sequence.path).as_posix())
-    return _camera(manifest, INTRINSICS_PX[series[-1]] if series else OTHER_PX)
+    path = "" if sequence is None else (manifest.root_path / sequence.path).as_posix()
+    series = SERIES.findall(path)
+    fx, fy, cx, cy = INTRINSICS_PX[series[-1]] if series else OTHER_PX
+    return registered(manifest, PinholeCamera(640, 480, fx, fy, cx + 0.5, cy + 0.5), DEPTH_SCALE_M)
 
 
-def odometry(
-    manifest: Manifest,
-    sequence: SequenceSection,
-    frames: Sequence[FrameFile],  # noqa: ARG001
-) -> Odometry | None:
-    """The true poses, or what `[odometry]` points at instead."""
-    all_frames = _all_frames(manifest, sequence)
-    return read_odometry(manifest.odometry or TRUE_POSES, manifest, sequence, all_frames)
-
-
-def odometry_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """The file behind `odometry`."""
-    return trajectory_files(manifest.odometry or TRUE_POSES, manifest, sequence)
-
-
-def reference(manifest: Manifest, sequence: SequenceSection) -> Odometry | None:
-    """The true poses, if there are any, or what `[reference]` points at instead."""
-    files = reference_files(manifest, sequence)
-    if manifest.reference is None and not files[0].is_file():
-        return None
-    all_frames = _all_frames(manifest, sequence)
-    return read_odometry(manifest.reference or TRUE_POSES, manifest, sequence, all_frames)
-
-
-def reference_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """The file behind `reference`."""
-    return trajectory_files(manifest.reference or TRUE_POSES, manifest, sequence)
-
-
-def list_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
+def _lists(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
     """The two lists of images."""
     folder = manifest.root_path / sequence.path
     return [folder / COLOR_LIST, folder / DEPTH_LIST]
-
-
-def _camera(manifest: Manifest, intrinsics_px: tuple[float, float, float, float]) -> CameraModel:
-    """One camera for both images: depth follows a colour camera that the manifest gives."""
-    section = manifest.camera
-    fx, fy, cx, cy = intrinsics_px
-    color = PinholeCamera(640, 480, fx, fy, cx + 0.5, cy + 0.5)
-    if section.color is not None:
-        color = section.color.camera(section.pixel_origin)
-    return CameraModel(color, color, DEPTH_SCALE_M, (0,))
-
-
-def _max_gap_ms(manifest: Manifest) -> float:
-    images = manifest.images or ImagesSection()
-    if others := images.model_fields_set - {"max_gap_ms"}:
-        raise ConfigError(
-            f"manifest {manifest.name}: images.{min(others)} means nothing to the adapter 'tum', "
-            f"which takes images from {COLOR_LIST} and {DEPTH_LIST}. Take it out, or use the "
-            "adapter 'folder'."
-        )
-    return images.max_gap_ms
 
 
 def _read_list(path: Path) -> Listed:
@@ -209,4 +143,12 @@ def _partners(color: Listed, depth: Listed, max_gap_ms: float, folder: Path) -> 
     return partner
 
 
-EXTRAS = Extras(cameras=sequence_cameras, files=list_files)
+LAYOUT = Layout(
+    _frames,
+    _cameras,
+    images=f"{COLOR_LIST} and {DEPTH_LIST}",
+    images_keys=frozenset({"max_gap_ms"}),
+    own_poses=always(TRUE_POSES),
+    true_poses=always(TRUE_POSES),
+    other_files=_lists,
+)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from imodbatch.datasets.annotations import read_annotations
 from imodbatch.datasets.base import CameraModel, FrameFile
-from imodbatch.datasets.registry import adapter_of, annotated, camera_model
+from imodbatch.datasets.registry import annotated, camera_model, layout_of, miscount
 from imodbatch.errors import DataError
 from imodbatch.images import UnreadableImageError, check_color_mode, check_depth_mode, probe
 from imodbatch.manifest import Manifest, SequenceSection
@@ -28,7 +28,8 @@ def run(
     """
     files = _frame_files(manifest, sequence)
     model = camera_model(manifest, sequence)
-    warnings = _miscount(manifest, sequence)
+    counted = miscount(manifest, sequence)
+    warnings = [f"{sequence.id}: {counted[1]}"] if counted else []
     warnings += [w for file in progress(files) for w in _check(manifest.root_path, file, model)]
     reading = read_annotations(
         annotated(manifest, sequence), sequence, files, model.color.width_px, model.color.height_px
@@ -66,24 +67,10 @@ def image_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
 
 
 def _frame_files(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:
-    files = adapter_of(manifest).frames(manifest, sequence)
+    files = layout_of(manifest).frames(manifest, sequence)
     if not files:
         raise DataError(_why_empty(manifest, sequence))
     return files
-
-
-def _miscount(manifest: Manifest, sequence: SequenceSection) -> list[str]:
-    """What to say where the folder holds another number of frames than the manifest expects."""
-    if sequence.n_frames is None:
-        return []
-    whole = sequence.model_copy(update={"frames": None})
-    n_found = len(adapter_of(manifest).frames(manifest, whole))
-    if n_found == sequence.n_frames:
-        return []
-    return [
-        f"{sequence.id}: {n_found} of {sequence.n_frames} frames (sequences.n_frames) in "
-        f"{manifest.root_path}. Is the download complete?"
-    ]
 
 
 def _check(root: Path, file: FrameFile, model: CameraModel) -> list[str]:

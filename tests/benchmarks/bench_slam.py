@@ -21,7 +21,7 @@ from imodbatch.config import Pipeline, SlamConfig
 from imodbatch.context import Context
 from imodbatch.core.alignment import absolute_errors_m, align_poses
 from imodbatch.core.frames import invert
-from imodbatch.datasets.registry import adapter_of
+from imodbatch.datasets.registry import layout_of
 from imodbatch.engines import slam
 from imodbatch.engines.open3d_library import intrinsics, open3d, rgbd_image
 from imodbatch.engines.rgbd import RgbdFrames
@@ -44,10 +44,8 @@ def main() -> None:
     context = Context(manifest, Pipeline(), Path("bench"))
     for sequence in manifest.sequences:
         table = index.run(manifest, sequence).tables["frames"].slice(0, options.frames)
-        adapter = adapter_of(manifest)
-        reference = adapter.reference(manifest, sequence) or adapter.odometry(
-            manifest, sequence, adapter.frames(manifest, sequence)
-        )
+        layout = layout_of(manifest)
+        reference = layout.reference(manifest, sequence) or layout.odometry(manifest, sequence)
         true = poses.from_odometry(table, reference, Pipeline().poses).poses.world_from_cam
         frames = in_memory(rgbd_frames(context, table))
         if options.repeat:

@@ -10,7 +10,7 @@ import pytest
 
 from imodbatch.datasets.annotations import annotation_files, read_annotations
 from imodbatch.datasets.base import FrameFile
-from imodbatch.datasets.seven_scenes import frames as seven_scenes_frames
+from imodbatch.datasets.seven_scenes import LAYOUT
 from imodbatch.errors import ConfigError, DataError, ImodError
 from imodbatch.manifest import Manifest
 
@@ -663,7 +663,7 @@ def test_the_real_red_kitchen():
         sequences=[{"id": "seq-01", "path": "seq-01", "frames": "0:450"}],
     )
     section = split.sequences[0]
-    reading = read_annotations(split, section, seven_scenes_frames(split, section), 640, 480)
+    reading = read_annotations(split, section, LAYOUT.frames(split, section), 640, 480)
     assert len(reading.rows) == 485
     assert sum(row["is_ignored"] for row in reading.rows) == 118
     assert {row["instance_id"] for row in reading.rows} == {"mug_white", "mug_patterned"}

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from imodbatch.config import validate
-from imodbatch.datasets.registry import ADAPTERS
+from imodbatch.datasets.registry import LAYOUTS
 from imodbatch.manifest import Manifest, load_manifest
 
 REPOSITORY = Path(__file__).parents[2]
@@ -27,7 +27,7 @@ def test_what_a_page_says_holds(page):
         assert (REPOSITORY / named).is_file(), named
     if page.stem not in NO_ADAPTER:
         assert f'adapter = "{page.stem}"' in text
-        assert page.stem in ADAPTERS
+        assert page.stem in LAYOUTS
     assert f"(docs/datasets/{page.name})" in README
 
 
@@ -35,7 +35,7 @@ def test_the_readme_lists_every_adapter():
     start = README.index("## Datasets")
     section = README[start : README.index("\n## ", start + 1)]
     listed = set(re.findall(r"(?m)^\| `(\w+)` \|", section))
-    assert listed == set(ADAPTERS)
+    assert listed == set(LAYOUTS)
 
 
 def test_every_shipped_manifest_names_a_layout(monkeypatch):
@@ -43,4 +43,4 @@ def test_every_shipped_manifest_names_a_layout(monkeypatch):
     paths = sorted((REPOSITORY / "manifests").glob("*.toml"))
     assert paths
     for path in paths:
-        assert load_manifest(path).adapter in ADAPTERS
+        assert load_manifest(path).adapter in LAYOUTS

@@ -5,7 +5,7 @@ import pytest
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.datasets import folder
 from imodbatch.datasets.patterns import PathPattern, natural_key
-from imodbatch.datasets.registry import adapter_of, camera_model
+from imodbatch.datasets.registry import camera_model, layout_of
 from imodbatch.errors import ConfigError, DataError, ImodError
 from imodbatch.manifest import Manifest, ReferenceSection
 
@@ -34,7 +34,7 @@ def split(root, images, frames=None, **more):
 
 def listed(root, images, frames=None):
     manifest = split(root, images, frames)
-    return folder.frames(manifest, manifest.sequences[0])
+    return folder.LAYOUT.frames(manifest, manifest.sequences[0])
 
 
 def numbers(files):
@@ -270,7 +270,7 @@ def test_depth_is_registered_millimetres_unless_the_manifest_says_more(tmp_path)
 
 def test_unknown_adapters(tmp_path):
     manifest = split(tmp_path, None).model_copy(update={"adapter": "foldr"})
-    fault(lambda: adapter_of(manifest), "'foldr'", "Did you mean 'folder'?", kind=ConfigError)
+    fault(lambda: layout_of(manifest), "'foldr'", "Did you mean 'folder'?", kind=ConfigError)
 
 
 def test_odometry_is_what_the_manifest_points_at(tmp_path):
@@ -278,11 +278,11 @@ def test_odometry_is_what_the_manifest_points_at(tmp_path):
     (tmp_path / "walk" / "t.txt").write_text("1 2 3 4 0 0 0 1\n")
     plain = split(tmp_path, {"color": "{frame}.png"})
     section = plain.sequences[0]
-    assert folder.odometry(plain, section, []) is None
-    assert folder.odometry_files(plain, section) == []
+    assert folder.LAYOUT.odometry(plain, section) is None
+    assert folder.LAYOUT.odometry_files(plain, section) == []
     given = split(tmp_path, {"color": "{frame}.png"}, odometry={"format": "tum", "path": "t.txt"})
-    assert folder.odometry_files(given, section) == [tmp_path / "walk" / "t.txt"]
-    assert folder.odometry(given, section, []).timestamp_ns.tolist() == [S]
+    assert folder.LAYOUT.odometry_files(given, section) == [tmp_path / "walk" / "t.txt"]
+    assert folder.LAYOUT.odometry(given, section).timestamp_ns.tolist() == [S]
 
 
 def test_the_reference_is_what_the_manifest_points_at_and_nothing_else(tmp_path):
@@ -292,14 +292,14 @@ def test_the_reference_is_what_the_manifest_points_at_and_nothing_else(tmp_path)
     odometry = {"format": "tum", "path": "t.txt"}
     plain = split(tmp_path, {"color": "{frame}.png"}, odometry=odometry)
     section = plain.sequences[0]
-    assert folder.reference(plain, section) is None
-    assert folder.reference_files(plain, section) == []
+    assert folder.LAYOUT.reference(plain, section) is None
+    assert folder.LAYOUT.reference_files(plain, section) == []
     given = plain.model_copy(
         update={"reference": ReferenceSection(format="tum", path="true.txt", unit_m=0.5)}
     )
-    assert folder.reference_files(given, section) == [tmp_path / "walk" / "true.txt"]
-    assert folder.odometry_files(given, section) == [tmp_path / "walk" / "t.txt"]
-    true = folder.reference(given, section)
+    assert folder.LAYOUT.reference_files(given, section) == [tmp_path / "walk" / "true.txt"]
+    assert folder.LAYOUT.odometry_files(given, section) == [tmp_path / "walk" / "t.txt"]
+    true = folder.LAYOUT.reference(given, section)
     assert true.timestamp_ns.tolist() == [2 * S]
     assert true.world_from_color[0, :3, 3].tolist() == [2.5, 3, 3.5]
 
@@ -313,6 +313,19 @@ def test_a_kitti_file_is_counted_from_the_sequences_first_frame(tmp_path, frames
     odometry = {"format": "kitti", "path": "k.txt"}
     manifest = split(tmp_path, {"color": "{frame}.png"}, frames, odometry=odometry)
     section = manifest.sequences[0]
-    found = folder.odometry(manifest, section, folder.frames(manifest, section))
+    found = folder.LAYOUT.odometry(manifest, section)
     assert found.frame_index.tolist() == [1, 2, 3, 4, 5, 6]
     assert found.world_from_color[:, 0, 3].tolist() == [1, 2, 3, 4, 5, 6]
+
+
+@pytest.mark.parametrize(
+    "adapter", ["seven_scenes", "scannet", "tum", "rgbd_scenes_v1", "rgbd_scenes_v2"]
+)
+def test_patterns_that_a_layout_would_not_look_at_are_refused(tmp_path, adapter):
+    manifest = split(tmp_path, {"color": "{frame}.png"}).model_copy(update={"adapter": adapter})
+    fault(
+        lambda: layout_of(manifest),
+        f"images.color means nothing to the adapter '{adapter}'",
+        "takes images from",
+        kind=ConfigError,
+    )

@@ -12,7 +12,7 @@ from pyarrow import parquet
 
 from imodbatch.datasets.base import FrameFile
 from imodbatch.datasets.detections import detection_files, read_detections
-from imodbatch.datasets.seven_scenes import frames as seven_scenes_frames
+from imodbatch.datasets.seven_scenes import LAYOUT
 from imodbatch.errors import ConfigError, DataError, ImodError
 from imodbatch.manifest import Manifest
 
@@ -555,7 +555,7 @@ def test_the_real_red_kitchen():
         sequences=[{"id": "seq-01", "path": "seq-01", "frames": "0:450"}],
     )
     section = split.sequences[0]
-    frames = seven_scenes_frames(split, section)
+    frames = LAYOUT.frames(split, section)
     found = read_detections(split, section, frames, 640, 480, GRID)
     assert len(found.boxes) == 350
     assert found.left_out == {"other classes": 17_650}

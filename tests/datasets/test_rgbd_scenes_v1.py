@@ -9,7 +9,7 @@ from scipy.io import savemat
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import make_transform, matrix_from_quaternion
-from imodbatch.datasets.registry import adapter_of, camera_model
+from imodbatch.datasets.registry import annotated, camera_model, layout_of
 from imodbatch.errors import ConfigError, DataError
 from imodbatch.manifest import Manifest, load_manifest
 from imodbatch.stages import index
@@ -41,11 +41,11 @@ def split(root, frames=None, n_frames=None, **more):
 
 
 def frames_of(manifest):
-    return adapter_of(manifest).frames(manifest, manifest.sequences[0])
+    return layout_of(manifest).frames(manifest, manifest.sequences[0])
 
 
 def odometry_of(manifest):
-    return adapter_of(manifest).odometry(manifest, manifest.sequences[0], frames_of(manifest))
+    return layout_of(manifest).odometry(manifest, manifest.sequences[0])
 
 
 def pose_lines(count):
@@ -94,7 +94,7 @@ def test_a_camera_of_the_manifest_replaces_both():
 
 def test_the_first_release_has_no_poses(root):
     touch(root, *frame_names(1))
-    manifest, adapter = split(root), adapter_of(split(root))
+    manifest, adapter = split(root), layout_of(split(root))
     section = manifest.sequences[0]
     assert odometry_of(manifest) is None
     assert adapter.reference(manifest, section) is None
@@ -107,7 +107,7 @@ def test_poses_of_the_aligned_release_are_found(root, tmp_path, place):
     touch(root, *frame_names(1), *frame_names(2))
     path = write_poses(tmp_path / place, 2)
     manifest = split(root)
-    adapter, section = adapter_of(manifest), manifest.sequences[0]
+    adapter, section = layout_of(manifest), manifest.sequences[0]
     assert adapter.odometry_files(manifest, section) == [path]
     assert adapter.reference_files(manifest, section) == [path]
     for read in (odometry_of(manifest), adapter.reference(manifest, section)):
@@ -142,7 +142,7 @@ def test_the_manifest_may_point_elsewhere(root, tmp_path):
     section = {"format": "uw", "path": "../other.txt"}
     manifest = split(root, odometry=section)
     assert odometry_of(manifest).world_from_color[0, :3, 3].tolist() == [7, 8, 9]
-    reference = adapter_of(manifest).reference(manifest, manifest.sequences[0])
+    reference = layout_of(manifest).reference(manifest, manifest.sequences[0])
     assert reference.world_from_color[0, :3, 3].tolist() == [1, 0, -1]
 
 
@@ -161,13 +161,22 @@ def test_the_whole_layout_through_index(root):
     cells = np.empty((1, 2), dtype=object)
     cells[0, 0], cells[0, 1] = np.zeros((0, 0)), box
     savemat(root / "desk" / "desk_1.mat", {"bboxes": cells})
-    manifest = split(root, n_frames=2, annotations={"format": "uw_mat", "path": "{sequence}.mat"})
+    manifest = split(root, n_frames=2)
     result = index.run(manifest, manifest.sequences[0])
     assert result.warnings == []
     assert result.summary == "2 frames = 2 with depth; 1 annotations = 1 counted"
     (row,) = result.tables["annotations"].to_pylist()
     assert (row["frame_index"], row["class_id"], row["instance_id"]) == (2, 0, "cap_4")
     assert [row[name] for name in ("x0_px", "y0_px", "x1_px", "y1_px")] == [100, 10, 140, 20]
+
+
+def test_the_boxes_are_those_that_the_manifest_names_if_it_names_any(root):
+    manifest = split(root)
+    assert annotated(manifest, manifest.sequences[0]).annotations.format == "none"
+    (root / "desk" / "desk_1.mat").touch()
+    assert annotated(manifest, manifest.sequences[0]).annotations.path == "{sequence}.mat"
+    without = split(root, annotations={"format": "none"})
+    assert annotated(without, without.sequences[0]).annotations.format == "none"
 
 
 @pytest.mark.parametrize("frames", [None, "1:2"])
@@ -188,7 +197,7 @@ def test_a_folder_that_is_not_there(root):
 def test_a_mistyped_adapter():
     manifest = split(".").model_copy(update={"adapter": "rgbd_scenes1"})
     with pytest.raises(ConfigError, match="Did you mean 'rgbd_scenes_v1'"):
-        adapter_of(manifest)
+        layout_of(manifest)
 
 
 def test_the_shipped_manifest(monkeypatch, tmp_path):

@@ -12,7 +12,7 @@ from PIL import Image
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import apply, invert, make_transform, quaternion_from_matrix
 from imodbatch.datasets.annotations import annotation_files, read_annotations
-from imodbatch.datasets.registry import adapter_of, camera_model
+from imodbatch.datasets.registry import camera_model, layout_of
 from imodbatch.errors import ConfigError, DataError
 from imodbatch.manifest import Manifest, load_manifest
 from imodbatch.stages import index
@@ -198,7 +198,7 @@ def split(root, frames=None, path="scene_01", camera=None, **annotations):
 
 def read(manifest):
     section = manifest.sequences[0]
-    frames = adapter_of(manifest).frames(manifest, section)
+    frames = layout_of(manifest).frames(manifest, section)
     return read_annotations(manifest, section, frames, 320, 240)
 
 
@@ -222,14 +222,14 @@ def fault(action, *mentions, kind=DataError):
 def test_frames_and_poses(room):
     (room / "imgs" / "scene_01" / "00001-depth.png").unlink()
     manifest = split(room)
-    section, adapter = manifest.sequences[0], adapter_of(manifest)
+    section, adapter = manifest.sequences[0], layout_of(manifest)
     frames = adapter.frames(manifest, section)
     assert [(f.frame_index, f.color_path, f.depth_path) for f in frames[:2]] == [
         (0, "imgs/scene_01/00000-color.png", "imgs/scene_01/00000-depth.png"),
         (1, "imgs/scene_01/00001-color.png", None),
     ]
     for poses in (
-        adapter.odometry(manifest, section, frames),
+        adapter.odometry(manifest, section),
         adapter.reference(manifest, section),
     ):
         assert poses.frame_index.tolist() == [0, 1, 2]
@@ -238,7 +238,7 @@ def test_frames_and_poses(room):
     assert adapter.reference_files(manifest, section) == [room / "pc" / "01.pose"]
     (room / "pc" / "01.pose").unlink()
     assert adapter.reference(manifest, section) is None
-    fault(lambda: adapter.odometry(manifest, section, frames), "01.pose", "no such trajectory")
+    fault(lambda: adapter.odometry(manifest, section), "01.pose", "no such trajectory")
 
 
 def test_the_camera_is_that_of_the_first_release():
@@ -456,7 +456,7 @@ def test_the_shipped_manifest(monkeypatch, tmp_path):
     manifest = load_manifest(MANIFESTS / "rgbd_scenes_v2.toml")
     assert [s.path for s in manifest.sequences] == [f"scene_{n:02d}" for n in range(1, 15)]
     assert list(manifest.classes) == CLASSES
-    files = adapter_of(manifest).odometry_files(manifest, manifest.sequences[11])
+    files = layout_of(manifest).odometry_files(manifest, manifest.sequences[11])
     assert files == [tmp_path / "rgbd-scenes-v2" / "pc" / "12.pose"]
 
 

@@ -9,7 +9,7 @@ from PIL import Image
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.datasets import robot
-from imodbatch.datasets.registry import adapter_of, annotated, camera_model
+from imodbatch.datasets.registry import annotated, camera_model, layout_of
 from imodbatch.errors import ConfigError, DataError, ImodError
 from imodbatch.manifest import Manifest, load_manifest
 from imodbatch.simulation.houses import write_house_dataset
@@ -114,10 +114,8 @@ def test_five_lines_read_a_house_as_its_own_manifest_does(tmp_path):
     for name in ("frames", "annotations"):
         assert by_short.tables[name].equals(by_full.tables[name])
     for what in ("odometry", "reference"):
-        arguments = ([],) if what == "odometry" else ()
         read, told = (
-            getattr(adapter_of(m), what)(m, s, *arguments)
-            for m, s in ((short, section), (full, same))
+            getattr(layout_of(m), what)(m, s) for m, s in ((short, section), (full, same))
         )
         assert np.array_equal(read.world_from_color, told.world_from_color)
         assert np.array_equal(read.timestamp_ns, told.timestamp_ns)
@@ -161,7 +159,7 @@ def test_true_boxes_and_true_poses_need_not_be_there(tmp_path):
     manifest = split(tmp_path)
     section = manifest.sequences[0]
     assert annotated(manifest, section).annotations.format == "coco"
-    assert len(robot.reference(manifest, section).world_from_color) == 3
+    assert len(robot.LAYOUT.reference(manifest, section).world_from_color) == 3
     none = split(tmp_path, annotations={"format": "none"})
     assert annotated(none, section).annotations.format == "none"
     voc = split(tmp_path, annotations={"format": "voc", "path": "boxes"})
@@ -169,8 +167,8 @@ def test_true_boxes_and_true_poses_need_not_be_there(tmp_path):
     (walk / "annotations.json").unlink()
     (walk / "trajectory_true.txt").unlink()
     assert annotated(manifest, section).annotations.format == "none"
-    assert robot.reference(manifest, section) is None
-    assert robot.reference_files(manifest, section) == []
+    assert robot.LAYOUT.reference(manifest, section) is None
+    assert robot.LAYOUT.reference_files(manifest, section) == []
 
 
 def test_the_manifest_replaces_line_by_line(tmp_path):
@@ -186,14 +184,14 @@ def test_the_manifest_replaces_line_by_line(tmp_path):
         camera={"color": color, "pixel_origin": "center"},
     )
     section = manifest.sequences[0]
-    frames = robot.frames(manifest, section)
+    frames = robot.LAYOUT.frames(manifest, section)
     assert [(f.color_path, f.depth_path, f.timestamp_ns) for f in frames][1] == (
         "walk/rgb/000001.jpg",
         "walk/depth/000001.png",
         100_000_000,
     )
-    assert robot.odometry(manifest, section, frames).world_from_color[0, 0, 3] == 7
-    assert robot.reference(manifest, section).world_from_color[0, 2, 3] == 1.0
+    assert robot.LAYOUT.odometry(manifest, section).world_from_color[0, 0, 3] == 7
+    assert robot.LAYOUT.reference(manifest, section).world_from_color[0, 2, 3] == 1.0
     model = camera_model(manifest, section)
     assert model.color == model.depth == PinholeCamera(64, 48, 50, 50, 32, 23.5)
 
@@ -202,9 +200,9 @@ def test_stamps_of_their_own(tmp_path):
     walk = write_drive(tmp_path)
     (walk / "stamps.txt").write_text("7\n8\n9\n")
     manifest = split(tmp_path, images={"timestamps": "stamps.txt"})
-    frames = robot.frames(manifest, manifest.sequences[0])
+    frames = robot.LAYOUT.frames(manifest, manifest.sequences[0])
     assert [f.timestamp_ns for f in frames] == [7 * 10**9, 8 * 10**9, 9 * 10**9]
-    names = [path.name for path in robot.layout_files(manifest, manifest.sequences[0])]
+    names = [path.name for path in robot.LAYOUT.other_files(manifest, manifest.sequences[0])]
     assert names == ["camera.json", "stamps.txt"]
 
 
@@ -215,7 +213,7 @@ def test_the_camera_may_be_the_manifests_alone(tmp_path):
     fault(lambda: camera_model(bare), ConfigError, "needs camera.json", "camera.color")
     color = {name: value for name, value in CAMERA.items() if name.endswith("_px")}
     assert camera_model(split(tmp_path, camera={"color": color})).color.fy_px == 31.0
-    assert robot.frames(bare, bare.sequences[0])[0].timestamp_ns is None
+    assert robot.LAYOUT.frames(bare, bare.sequences[0])[0].timestamp_ns is None
 
 
 @pytest.mark.parametrize(
@@ -271,7 +269,7 @@ def test_a_drive_that_is_not_there(tmp_path, cli):
 def test_a_mistyped_adapter_gets_a_suggestion():
     for wrong, right in (("scanet", "scannet"), ("robots", "robot"), ("tumm", "tum")):
         manifest = split("/data").model_copy(update={"adapter": wrong})
-        fault(lambda m=manifest: adapter_of(m), ConfigError, f"Did you mean '{right}'?")
+        fault(lambda m=manifest: layout_of(m), ConfigError, f"Did you mean '{right}'?")
 
 
 def test_damaged_boxes_are_one_line(project, cli):

@@ -7,7 +7,7 @@ from PIL import Image
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.datasets import scannet
-from imodbatch.datasets.registry import camera_model, layout_files
+from imodbatch.datasets.registry import camera_model
 from imodbatch.manifest import Manifest
 
 COLOR = (130.0, 131.0, 71.5, 53.5)  # fx fy cx cy for images of 144 × 108
@@ -133,7 +133,7 @@ def test_without_extrinsics_both_cameras_are_in_one_place(tmp_path):
     write_scene(tmp_path / SCENES[0], extrinsics=False)
     manifest = split(tmp_path)
     assert camera_model(manifest, manifest.sequences[0]).color_from_depth is None
-    files = [path.name for path in layout_files(manifest, manifest.sequences[0])]
+    files = [path.name for path in scannet.LAYOUT.other_files(manifest, manifest.sequences[0])]
     assert files[:2] == ["intrinsic_color.txt", "intrinsic_depth.txt"]
 
 
@@ -169,11 +169,11 @@ def test_no_poses_no_reference(tmp_path):
     folder = write_scene(tmp_path / SCENES[0])
     manifest = split(tmp_path)
     section = manifest.sequences[0]
-    assert len(scannet.reference(manifest, section).world_from_color) == 4
-    assert len(scannet.odometry_files(manifest, section)) == 4
+    assert len(scannet.LAYOUT.reference(manifest, section).world_from_color) == 4
+    assert len(scannet.LAYOUT.odometry_files(manifest, section)) == 4
     for path in (folder / "pose").iterdir():
         path.unlink()
-    assert scannet.reference(manifest, section) is None
+    assert scannet.LAYOUT.reference(manifest, section) is None
 
 
 @pytest.mark.parametrize("kind", ["color", "depth"])

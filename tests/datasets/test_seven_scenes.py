@@ -11,7 +11,7 @@ from imodbatch.config import PosesConfig
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import make_transform, matrix_from_quaternion
 from imodbatch.datasets import seven_scenes
-from imodbatch.datasets.registry import adapter_of, camera_model
+from imodbatch.datasets.registry import camera_model, layout_of
 from imodbatch.errors import DataError
 from imodbatch.manifest import Manifest, OdometrySection, load_manifest
 from imodbatch.stages import index, poses
@@ -46,8 +46,8 @@ def split(root, frames=None, **more):
 
 def found(manifest):
     section = manifest.sequences[0]
-    frames = seven_scenes.frames(manifest, section)
-    return frames, seven_scenes.odometry(manifest, section, frames)
+    frames = seven_scenes.LAYOUT.frames(manifest, section)
+    return frames, seven_scenes.LAYOUT.odometry(manifest, section)
 
 
 def test_png_and_jpg_colour_and_frames_without_depth(tmp_path):
@@ -149,7 +149,7 @@ def test_other_poses_can_be_pointed_at(tmp_path):
     manifest = split(tmp_path, odometry={"format": "tum", "path": "slam.txt"})
     _, odometry = found(manifest)
     assert odometry.world_from_color[0, :3, 3].tolist() == [9, 8, 7]
-    files = seven_scenes.odometry_files(manifest, manifest.sequences[0])
+    files = seven_scenes.LAYOUT.odometry_files(manifest, manifest.sequences[0])
     assert files == [tmp_path / "seq-01" / "slam.txt"]
 
 
@@ -159,28 +159,32 @@ def test_the_reference_is_the_datasets_own_unless_another_is_named(tmp_path):
     other = OdometrySection(format="tum", path="slam.txt")
     manifest = split(tmp_path, odometry=other.model_dump())
     section = manifest.sequences[0]
-    true = seven_scenes.reference(manifest, section)
+    true = seven_scenes.LAYOUT.reference(manifest, section)
     assert np.allclose(true.world_from_color[0], WORLD_FROM_DEPTH)
-    assert [path.name for path in seven_scenes.reference_files(manifest, section)] == [
+    assert [path.name for path in seven_scenes.LAYOUT.reference_files(manifest, section)] == [
         "frame-000000.pose.txt"
     ]
     named = split(tmp_path, reference=other.model_dump())
-    assert seven_scenes.reference(named, section).world_from_color[0, :3, 3].tolist() == [9, 8, 7]
-    assert seven_scenes.reference_files(named, section) == [tmp_path / "seq-01" / "slam.txt"]
+    assert seven_scenes.LAYOUT.reference(named, section).world_from_color[0, :3, 3].tolist() == [
+        9,
+        8,
+        7,
+    ]
+    assert seven_scenes.LAYOUT.reference_files(named, section) == [tmp_path / "seq-01" / "slam.txt"]
 
 
 def test_without_pose_files_there_is_no_reference(tmp_path):
     write_frame(tmp_path, 0, pose=None)
     manifest = split(tmp_path)
-    assert seven_scenes.reference(manifest, manifest.sequences[0]) is None
-    assert seven_scenes.reference_files(manifest, manifest.sequences[0]) == []
+    assert seven_scenes.LAYOUT.reference(manifest, manifest.sequences[0]) is None
+    assert seven_scenes.LAYOUT.reference_files(manifest, manifest.sequences[0]) == []
 
 
 def test_files_behind_the_poses(tmp_path):
     write_frame(tmp_path, 0)
     write_frame(tmp_path, 1)
     manifest = split(tmp_path)
-    files = seven_scenes.odometry_files(manifest, manifest.sequences[0])
+    files = seven_scenes.LAYOUT.odometry_files(manifest, manifest.sequences[0])
     assert [path.name for path in files] == ["frame-000000.pose.txt", "frame-000001.pose.txt"]
 
 
@@ -196,7 +200,7 @@ def test_real_frames_of_the_red_kitchen():
     assert set(frames["fx_px"].to_pylist()) == {525.37}
     assert set(frames["depth_fx_px"].to_pylist()) == {585.0}
     assert frames["color_path"][0].as_py() == "seq-01/frame-000000.color.jpg"
-    odometry = adapter_of(manifest).odometry(manifest, section, [])
+    odometry = layout_of(manifest).odometry(manifest, section)
     assert odometry.frame_index.tolist() == list(range(20))
     steps_m = np.linalg.norm(np.diff(odometry.world_from_color[:, :3, 3], axis=0), axis=1)
     assert (steps_m > 0).all()

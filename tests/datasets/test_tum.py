@@ -9,7 +9,7 @@ from PIL import Image
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.datasets import tum
-from imodbatch.datasets.registry import camera_model, layout_files
+from imodbatch.datasets.registry import camera_model, layout_of
 from imodbatch.errors import ConfigError, ImodError
 from imodbatch.manifest import Manifest
 
@@ -80,7 +80,7 @@ def split(root, path=DESK, **more):
 
 def listed(root, **more):
     manifest = split(root, **more)
-    return tum.frames(manifest, manifest.sequences[0])
+    return layout_of(manifest).frames(manifest, manifest.sequences[0])
 
 
 def fault(action, *mentions, kind=ImodError):
@@ -134,7 +134,7 @@ def test_frames_are_numbered_by_their_lines_whatever_depth_there_is(tmp_path):
     manifest = split(tmp_path).model_copy(
         update={"sequences": (split(tmp_path).sequences[0].model_copy(update=sequence),)}
     )
-    kept = tum.frames(manifest, manifest.sequences[0])
+    kept = tum.LAYOUT.frames(manifest, manifest.sequences[0])
     assert [(f.frame_index, f.depth_path) for f in kept] == [
         (1, frames[1].depth_path),
         (2, None),
@@ -201,13 +201,13 @@ def test_other_poses_and_no_true_ones(tmp_path):
     (tmp_path / DESK / "slam.txt").write_text(f"{stamp(100)} 9 8 7 0 0 0 1\n")
     manifest = split(tmp_path, odometry={"format": "tum", "path": "slam.txt"})
     section = manifest.sequences[0]
-    assert tum.odometry(manifest, section, []).world_from_color[0, :3, 3].tolist() == [9, 8, 7]
-    assert len(tum.reference(manifest, section).world_from_color) == 12
+    assert tum.LAYOUT.odometry(manifest, section).world_from_color[0, :3, 3].tolist() == [9, 8, 7]
+    assert len(tum.LAYOUT.reference(manifest, section).world_from_color) == 12
     (tmp_path / DESK / "groundtruth.txt").unlink()
     (tmp_path / "groundtruth.txt").write_text(f"{stamp(100)} 1 1 1 0 0 0 1\n")  # of nobody
-    assert tum.reference(manifest, section) is None
-    assert tum.odometry_files(manifest, section) == [tmp_path / DESK / "slam.txt"]
-    assert layout_files(manifest, section) == [
+    assert tum.LAYOUT.reference(manifest, section) is None
+    assert tum.LAYOUT.odometry_files(manifest, section) == [tmp_path / DESK / "slam.txt"]
+    assert tum.LAYOUT.other_files(manifest, section) == [
         tmp_path / DESK / "rgb.txt",
         tmp_path / DESK / "depth.txt",
     ]

@@ -128,7 +128,7 @@ def _split(manifest: Manifest, sequence: SequenceSection) -> tuple[Path, str | N
     pattern = manifest.annotations.path or ""
     if "{frame}" not in pattern:
         return manifest.path_in(sequence, pattern), None
-    folder, _, name = pattern.replace("{sequence}", sequence.path).rpartition("/")
+    folder, _, name = sequence.fill(pattern).rpartition("/")
     if name.count("{frame}") != 1 or "{frame}" in folder:
         raise ConfigError(
             f"manifest {manifest.name}: {KEY} = {pattern!r}: {{frame}} must stand once, in the "

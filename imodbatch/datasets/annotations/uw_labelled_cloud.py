@@ -20,8 +20,7 @@ from imodbatch.datasets.annotations.entries import UNKNOWN_CLASS, Entry
 from imodbatch.datasets.base import CameraModel, FrameFile
 from imodbatch.datasets.coco import OUTSIDE_IMAGE, ClassNames, missing_file
 from imodbatch.datasets.labelled_clouds import CloudObject, cluster, read_labelled_cloud
-from imodbatch.datasets.registry import adapter_of, camera_model
-from imodbatch.datasets.rgbd_scenes_v2 import numbered_path
+from imodbatch.datasets.registry import camera_model, layout_of
 from imodbatch.datasets.trajectories import read_odometry
 from imodbatch.errors import DataError
 from imodbatch.images import UnreadableImageError, read_depth
@@ -59,8 +58,7 @@ def files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
         ConfigError: the sequence has no number to put into the path.
         DataError: one of them is missing.
     """
-    pattern = numbered_path(manifest.annotations.path or "", sequence)
-    cloud = manifest.path_in(sequence, pattern)
+    cloud = manifest.path_in(sequence, manifest.annotations.path or "")
     paths = [cloud, cloud.with_suffix(".label"), cloud.with_suffix(".pose")]
     for path in paths:
         if not path.is_file():
@@ -114,7 +112,7 @@ def _poses(
     """Frame number → world_from_color in the cloud's world, where it is known."""
     whole = sequence.model_copy(update={"frames": None})
     section = OdometrySection(format="uw", path=str(path.resolve()))
-    all_frames = adapter_of(manifest).frames(manifest, whole)
+    all_frames = layout_of(manifest).all_frames(manifest, sequence)
     read = read_odometry(section, manifest, whole, all_frames)
     known = is_rigid(read.world_from_color)
     numbers = read.frame_index[known].tolist() if read.frame_index is not None else []

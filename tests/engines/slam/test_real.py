@@ -12,7 +12,7 @@ from imodbatch.config import SlamConfig
 from imodbatch.core.alignment import absolute_errors_m, align_poses, summarise
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import register
-from imodbatch.datasets.registry import adapter_of, camera_model
+from imodbatch.datasets.registry import camera_model, layout_of
 from imodbatch.engines.slam import estimate
 from imodbatch.images import read_color, read_depth
 from imodbatch.manifest import load_manifest
@@ -41,7 +41,7 @@ def kitchen():
         colors.append(freeze(read_color(manifest.root_path / row["color_path"])))
         depth = read_depth(manifest.root_path / row["depth_path"], row["depth_scale_m"], invalid)
         depths.append(freeze(register(depth, of_depth, camera, None)))
-    odometry = adapter_of(manifest).odometry(manifest, section, [])
+    odometry = layout_of(manifest).odometry(manifest, section)
     return colors, depths, camera, odometry.world_from_color
 
 
