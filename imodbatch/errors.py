@@ -23,3 +23,8 @@ class TableError(ImodError):
 
 class RunLockedError(ImodError):
     """Another command is writing in the run folder."""
+
+
+def one_line(error: BaseException) -> str:
+    """The text of another library's error, in one line."""
+    return " ".join(str(error).split())

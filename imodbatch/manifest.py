@@ -2,8 +2,8 @@
 
 Paths are relative to `root`, and `root` to the manifest; ``${NAME}`` is an environment variable.
 ``{sequence}`` in a path stands for the sequence's own `path`, ``{number}`` for the number that it
-ends in, ``{frame}`` for a frame number. A shipped manifest goes by name, and is read as if it lay in
-``manifests`` of the working directory.
+ends in, ``{frame}`` for a frame number.
+A shipped manifest goes by name, and is read as if it lay in ``manifests`` of the working directory.
 """
 
 import os

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting, skipped
 from imodbatch.checkup.subject import Subject
 from imodbatch.config import did_you_mean
-from imodbatch.datasets.annotations import READERS
+from imodbatch.datasets.annotations import read_entries as annotated_boxes
 from imodbatch.datasets.annotations.entries import Entry
+from imodbatch.datasets.base import Footage
 from imodbatch.errors import ImodError
 
 Array = NDArray[np.float64]
@@ -29,11 +30,10 @@ FEW_FRAMES = 0.1
 
 def read_entries(subject: Subject) -> list[Entry] | ImodError:
     """The annotated boxes as the files have them; the error if they cannot be read."""
-    manifest, color = subject.manifest, subject.cameras.color
-    read = READERS[manifest.annotations.format]
+    size_px = subject.cameras.color.width_px, subject.cameras.color.height_px
     try:
         return list(
-            read(manifest, subject.sequence, subject.files, color.width_px, color.height_px)
+            annotated_boxes(Footage(subject.manifest, subject.sequence, subject.files, size_px))
         )
     except ImodError as error:
         return error

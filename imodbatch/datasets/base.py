@@ -1,6 +1,7 @@
 """What a layout gives: the frames of a sequence as files, its cameras, and poses as read."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
+from imodbatch.manifest import Manifest, SequenceSection
 
 NS_PER_S, NS_PER_MS = 1_000_000_000, 1_000_000
 
@@ -28,6 +30,23 @@ class FrameFile:
     timestamp_ns: int | None
     color_path: str
     depth_path: str | None
+
+
+@dataclass(frozen=True)
+class Footage:
+    """What boxes of a sequence are drawn in.
+
+    Attributes:
+        manifest: the split.
+        sequence: one of its sequences.
+        frames: the frames of the sequence's slice.
+        size_px: width and height of the colour images.
+    """
+
+    manifest: Manifest
+    sequence: SequenceSection
+    frames: Sequence[FrameFile]
+    size_px: tuple[int, int]
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,13 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from imodbatch.core.matching import OUTCOME_NAMES, Outcome
+from imodbatch.core.symmetry import Symmetry, n_fold, parse_symmetry
 from imodbatch.core.viewpoint import azimuth_bins_apart
 from imodbatch.reporting.comparison import METHODS, WITH_VIEW, Comparison
 from imodbatch.reporting.grids import Cell, Column, Grid, Row
 from imodbatch.reporting.names import percent
 from imodbatch.reporting.run_folder import FinishedRun
 from imodbatch.reporting.scores import to_csv
-
-FULL, NONE = "full", "none"
 
 
 @dataclass(frozen=True)
@@ -50,12 +49,12 @@ class AzimuthBlock:
 
     Attributes:
         classes: names by class id.
-        symmetries: of each class: ``none``, ``full``, a number of turns; None = unknown.
+        symmetries: of each class; None = unknown.
         by_group: detector grid → a figure per class; None where azimuth means nothing.
     """
 
     classes: tuple[str, ...]
-    symmetries: tuple[str | None, ...]
+    symmetries: tuple[Symmetry | None, ...]
     by_group: dict[str, tuple[AzimuthAccuracy | None, ...]]
 
 
@@ -112,38 +111,34 @@ def azimuth_remark(block: AzimuthBlock) -> str:
         "The bin of the largest score over azimuths, summed over elevations, of boxes that are "
         "right at any score (w/ view), against the annotation's azimuth."
     )
-    marked = {symmetry for symmetry in block.symmetries if symmetry not in (None, NONE)}
-    if FULL in marked:
+    folds = {n_fold(symmetry) for symmetry in block.symmetries}
+    if None in folds:
         text += " ◯: looks the same from all sides, so its azimuth means nothing."
-    if marked - {FULL}:
+    if folds - {None, 1}:
         text += " ×n: looks the same n times in a turn; the nearest of its equal views counts."
     if None in block.symmetries:
         text += " Symmetry is not known of classes without annotations or where they do not say it."
     return text
 
 
-def _symmetries(annotations: pa.Table, n_classes: int) -> tuple[str | None, ...]:
-    found: list[str | None] = [None] * n_classes
-    pairs = annotations.group_by(["class_id", "symmetry"]).aggregate([]).to_pylist()
-    for row in pairs:
-        found[row["class_id"]] = row["symmetry"] or found[row["class_id"]]
-    return tuple(found)
+def _symmetries(annotations: pa.Table, n_classes: int) -> tuple[Symmetry | None, ...]:
+    known = annotations.filter(pc.field("symmetry").is_valid())
+    pairs = known.group_by(["class_id", "symmetry"]).aggregate([]).to_pylist()
+    found = {row["class_id"]: parse_symmetry(row["symmetry"]) for row in pairs}
+    return tuple(found.get(class_id) for class_id in range(n_classes))
 
 
 def _accuracies(
-    run: FinishedRun, symmetries: Sequence[str | None]
+    run: FinishedRun, symmetries: Sequence[Symmetry | None]
 ) -> tuple[AzimuthAccuracy | None, ...]:
     apart: list[list[int]] = [[] for _ in symmetries]
     for class_id, predicted_bin, azimuth_rad in _true_positives(run):
-        symmetry = symmetries[class_id]
-        if symmetry != FULL:
-            n_fold = 1 if symmetry in (None, NONE) else int(symmetry)
-            n_azimuths = run.grid.n_azimuths
-            apart[class_id].append(
-                int(azimuth_bins_apart(predicted_bin, azimuth_rad, n_azimuths, n_fold))
-            )
+        turns = n_fold(symmetries[class_id])
+        if turns is not None:
+            bins = azimuth_bins_apart(predicted_bin, azimuth_rad, run.grid.n_azimuths, turns)
+            apart[class_id].append(int(bins))
     return tuple(
-        None if symmetry == FULL else _accuracy(np.array(bins, dtype=np.int64))
+        None if n_fold(symmetry) is None else _accuracy(np.array(bins, dtype=np.int64))
         for symmetry, bins in zip(symmetries, apart, strict=True)
     )
 
@@ -181,10 +176,9 @@ def _true_positives(run: FinishedRun) -> Iterator[tuple[int, int, float]]:
             yield row["class_id"], int(scores.argmax()), row["own_azimuth_rad"]
 
 
-def _mark(symmetry: str | None) -> str:
-    if symmetry in (None, NONE):
-        return ""
-    return " ◯" if symmetry == FULL else f" ×{symmetry}"
+def _mark(symmetry: Symmetry | None) -> str:
+    turns = n_fold(symmetry)
+    return " ◯" if turns is None else f" ×{turns}" if turns > 1 else ""
 
 
 def _cells(figure: AzimuthAccuracy | None) -> list[Cell]:
@@ -198,7 +192,7 @@ def _mean_cells(block: AzimuthBlock, figures: Sequence[AzimuthAccuracy | None]) 
     plain = [
         figure
         for figure, symmetry in zip(figures, block.symmetries, strict=True)
-        if figure is not None and figure.n and symmetry in (None, NONE)
+        if figure is not None and figure.n and n_fold(symmetry) == 1
     ]
     exact = float(np.mean([f.n_exact / f.n for f in plain])) if plain else None
     near = float(np.mean([f.n_near / f.n for f in plain])) if plain else None

@@ -1,12 +1,11 @@
 """A thing that can be rendered: triangles, a texture, how it shines, and how symmetric it is."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-Symmetry = Literal["none", "full"] | int
+from imodbatch.core.symmetry import Symmetry
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.boxes import clip
+from imodbatch.core.symmetry import Symmetry
 from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.errors import ConfigError
-from imodbatch.simulation.mesh import Symmetry
 from imodbatch.training.backgrounds import random_background
 from imodbatch.training.blending import BLENDINGS, SILHOUETTE, Patch, contact_shadow
 from imodbatch.training.cutouts import Cutouts, load_cutouts

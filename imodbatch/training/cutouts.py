@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.atomic import replacing, write_text
+from imodbatch.core.symmetry import Symmetry
 from imodbatch.errors import DataError
-from imodbatch.simulation.mesh import Symmetry
 
 Pixels = NDArray[np.uint8]
 

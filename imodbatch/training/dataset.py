@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from imodbatch.atomic import sweep, write_bytes, write_text
+from imodbatch.coco import box_entry, coco_text, image_entry
 from imodbatch.errors import ConfigError, DataError
 from imodbatch.training.composition import Composer, Picture, Recipe
 
@@ -88,7 +89,7 @@ def write_dataset(
         done += size
         advance(done, n)
     labels = [label for chunk in chunks for label in _labels(folder, chunk) or []]
-    write_text(folder / ANNOTATIONS, json.dumps(_coco(recipe, labels), indent=None) + "\n")
+    write_text(folder / ANNOTATIONS, _coco(recipe, labels))
     return _summary(labels, n_made)
 
 
@@ -156,49 +157,37 @@ def _label(index: int, picture: Picture) -> dict[str, Any]:
 
 def _object(picture: Picture, i: int) -> dict[str, Any]:
     x0, y0, x1, y1 = picture.boxes[i].tolist()
-    return {
-        "category_id": int(picture.class_ids[i]) + 1,
-        "bbox": [x0, y0, x1 - x0, y1 - y0],
-        "area": (x1 - x0) * (y1 - y0),
-        "iscrowd": 0,
-        "ignore": int(picture.ignore[i]),
-        "azimuth_bin": int(picture.azimuth_bins[i]),
-        "elevation_bin": int(picture.elevation_bins[i]),
-        "azimuth_deg": round(float(np.rad2deg(picture.azimuth_rad[i])), 4),
-        "elevation_deg": round(float(np.rad2deg(picture.elevation_rad[i])), 4),
-        "visibility": round(float(picture.visibility[i]), 4),
-        "instance": picture.instances[i],
-    }
+    return box_entry(
+        int(picture.class_ids[i]),
+        (x0, y0, x1, y1),
+        (x1 - x0) * (y1 - y0),
+        is_ignored=bool(picture.ignore[i]),
+        azimuth_bin=int(picture.azimuth_bins[i]),
+        elevation_bin=int(picture.elevation_bins[i]),
+        azimuth_deg=round(float(np.rad2deg(picture.azimuth_rad[i])), 4),
+        elevation_deg=round(float(np.rad2deg(picture.elevation_rad[i])), 4),
+        visibility=round(float(picture.visibility[i]), 4),
+        instance=picture.instances[i],
+    )
 
 
-def _coco(recipe: Recipe, labels: list[dict[str, Any]]) -> dict[str, Any]:
+def _coco(recipe: Recipe, labels: list[dict[str, Any]]) -> str:
     composer = _composer(recipe)
-    objects = [{"image_id": x["index"], **one} for x in labels for one in x["objects"]]
-    return {
-        "info": {
-            "description": "Composed training pictures; boxes of whole objects, clipped to the "
-            "picture, in continuous pixels (corner = 0).",
-            "n_azimuths": recipe.grid.n_azimuths,
-            "elevations_deg": np.rad2deg(recipe.grid.elevations_rad).round(6).tolist(),
-        },
-        "images": [
-            {
-                "id": x["index"],
-                "file_name": image_file(x["index"]),
-                "width": x["width"],
-                "height": x["height"],
-                "blending": x["blending"],
-            }
-            for x in labels
-        ],
-        "categories": [
-            {"id": k + 1, "name": name, "symmetry": symmetry}
-            for k, (name, symmetry) in enumerate(
-                zip(composer.class_names, composer.symmetries, strict=True)
-            )
-        ],
-        "annotations": [{"id": i + 1, **one} for i, one in enumerate(objects)],
+    info = {
+        "description": "Composed training pictures; boxes of whole objects, clipped to the "
+        "picture, in continuous pixels (corner = 0).",
+        "n_azimuths": recipe.grid.n_azimuths,
+        "elevations_deg": np.rad2deg(recipe.grid.elevations_rad).round(6).tolist(),
     }
+    images = [
+        {
+            **image_entry(x["index"], image_file(x["index"]), (x["width"], x["height"])),
+            "blending": x["blending"],
+        }
+        for x in labels
+    ]
+    classes = dict(zip(composer.class_names, composer.symmetries, strict=True))
+    return coco_text(info, classes, images, [x["objects"] for x in labels], indent=None)
 
 
 def _chunk_file(folder: Path, chunk: range) -> Path:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from imodbatch.core.symmetry import Symmetry, parse_symmetry
 from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.errors import ConfigError
 from imodbatch.simulation.houses.backgrounds import (
@@ -16,7 +17,7 @@ from imodbatch.simulation.houses.backgrounds import (
     backgrounds_digest,
     write_backgrounds,
 )
-from imodbatch.simulation.mesh import ObjectModel, Symmetry
+from imodbatch.simulation.mesh import ObjectModel
 from imodbatch.simulation.models import load_models
 from imodbatch.simulation.objects import OBJECTS, load_object
 from imodbatch.simulation.tabletop.world import CLASSES, POOL, class_symmetry
@@ -236,14 +237,14 @@ def parse_symmetries(texts: Collection[str]) -> dict[str, Symmetry]:
     result: dict[str, Symmetry] = {}
     for text in texts:
         name, _, value = text.partition("=")
-        if name and value == "full":
-            result[name] = "full"
-        elif name and value == "none":
-            result[name] = "none"
-        elif name and value.isdecimal() and int(value) > 1:
-            result[name] = int(value)
-        else:
-            raise ConfigError(f"--symmetry {text}: expected NAME=full, NAME=none or NAME=4.")
+        try:
+            if not name:
+                raise ValueError(text)
+            result[name] = parse_symmetry(value)
+        except ValueError:
+            raise ConfigError(
+                f"--symmetry {text}: expected NAME=full, NAME=none or NAME=4."
+            ) from None
     return result
 
 

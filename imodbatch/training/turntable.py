@@ -20,10 +20,10 @@ import cv2
 import numpy as np
 
 from imodbatch.atomic import write_text
+from imodbatch.core.symmetry import Symmetry
 from imodbatch.core.viewpoint import FULL_TURN_RAD
 from imodbatch.errors import DataError
 from imodbatch.images import is_listed
-from imodbatch.simulation.mesh import Symmetry
 from imodbatch.training.cutouts import Cutout, Pixels, crop_to_object, load_cutouts, write_cutouts
 
 ELEVATION_DEG = {1: 30.0, 2: 45.0, 4: 60.0}

@@ -21,7 +21,6 @@ from imodbatch.engines.detector.training_samples import (
     CocoStream,
     MixedStream,
     Sample,
-    parse_symmetry,
 )
 from imodbatch.engines.detector.training_targets import ViewTargets
 from imodbatch.errors import ConfigError, DataError
@@ -358,13 +357,6 @@ def test_missing_folder_is_one_line(tmp_path: Path) -> None:
         CocoStream(tmp_path / "none")
     with pytest.raises(DataError, match="found none"):
         CocoStream(tmp_path)
-
-
-def test_symmetries_are_read() -> None:
-    assert [parse_symmetry(value) for value in ("none", None, "full", 3)] == [1, 1, 0, 3]
-    for value in ("half", 0, True):
-        with pytest.raises(ValueError, match="symmetry"):
-            parse_symmetry(value)
 
 
 def test_folders_of_a_dataset_are_read_as_one(tmp_path: Path) -> None:

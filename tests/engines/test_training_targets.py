@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from imodbatch.core.symmetry import Symmetry
 from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.engines.detector.heads import FactorisedHead, FlatHead
 from imodbatch.engines.detector.losses import box_loss, score_losses
@@ -73,19 +74,19 @@ def test_elevation_is_smoothed_as_a_gaussian() -> None:
 @pytest.mark.parametrize(
     ("symmetry", "expected"),
     [
-        (1, [0, 1, 0, 0, 0, 0, 0, 0]),
+        ("none", [0, 1, 0, 0, 0, 0, 0, 0]),
         (2, [0, 0.5, 0, 0, 0, 0.5, 0, 0]),
         (4, [0, 0.25] * 4),
-        (0, [0.125] * 8),
+        ("full", [0.125] * 8),
     ],
 )
-def test_symmetric_classes_share_the_weight(symmetry: int, expected: list[float]) -> None:
-    targets = ViewTargets(GRID, symmetries=(1, symmetry))
+def test_symmetric_classes_share_the_weight(symmetry: Symmetry, expected: list[float]) -> None:
+    targets = ViewTargets(GRID, symmetries=("none", symmetry))
     np.testing.assert_allclose(views(targets, seen_from(STEP, class_id=1))[0], expected, atol=1e-6)
 
 
 def test_unknown_viewpoint_has_no_target_unless_symmetry_makes_it_irrelevant() -> None:
-    targets = ViewTargets(GRID, 0.3, 0.3, symmetries=(1, 0))
+    targets = ViewTargets(GRID, 0.3, 0.3, symmetries=("none", "full"))
     assert views(targets, seen_from(math.nan)).sum() == 0
     assert views(targets, seen_from(math.nan, class_id=1)).sum() == pytest.approx(1)
     assert views(targets, seen_from(0.0, math.nan, class_id=1)).sum() == 0

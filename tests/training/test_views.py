@@ -163,6 +163,6 @@ def test_what_stands_on_the_command_line():
     assert parse_symmetries(["bowl=full", "box=2", "mug=none"]) == {
         "bowl": "full", "box": 2, "mug": "none",
     }  # fmt: skip
-    for text in ("bowl", "bowl=1", "=full", "bowl=round"):
+    for text in ("bowl", "bowl=0", "=full", "bowl=round"):
         with pytest.raises(ConfigError, match="--symmetry"):
             parse_symmetries([text])

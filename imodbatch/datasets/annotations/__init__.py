@@ -1,31 +1,51 @@
 """True boxes of a data set, whatever their format, as rows of the `annotations` table."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from imodbatch.datasets.annotations import coco, uw_labelled_cloud, uw_mat, voc, yolo
-from imodbatch.datasets.annotations.entries import Entry, to_reading
-from imodbatch.datasets.base import FrameFile, Reading
+from imodbatch.datasets.annotations.entries import Entry, annotation_file, to_reading
+from imodbatch.datasets.annotations.per_image import label_files
+from imodbatch.datasets.base import Footage, FrameFile, Reading
 from imodbatch.manifest import Manifest, SequenceSection
 
-Reader = Callable[[Manifest, SequenceSection, Sequence[FrameFile], int, int], Iterator[Entry]]
+Files = Callable[[Manifest, SequenceSection], list[Path]]
 
-READERS: dict[str, Reader] = {
-    "coco": coco.read_entries,
-    "voc": voc.read_entries,
-    "yolo": yolo.read_entries,
-    "uw_mat": uw_mat.read_entries,
-    "uw_labelled_cloud": uw_labelled_cloud.read_entries,
-    "none": lambda *_: iter(()),
+
+@dataclass(frozen=True)
+class Format:
+    """A format of annotations: the files of a sequence, and the boxes in them."""
+
+    files: Files
+    read_entries: Callable[[Footage], Iterator[Entry]]
+
+
+def _one_file(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
+    return [annotation_file(manifest, sequence)]
+
+
+def _labels(suffix: str) -> Files:
+    return lambda manifest, sequence: [f.path for f in label_files(manifest, sequence, suffix)]
+
+
+FORMATS: dict[str, Format] = {
+    "coco": Format(_one_file, coco.read_entries),
+    "voc": Format(_labels(voc.SUFFIX), voc.read_entries),
+    "yolo": Format(yolo.files, yolo.read_entries),
+    "uw_mat": Format(_one_file, uw_mat.read_entries),
+    "uw_labelled_cloud": Format(uw_labelled_cloud.files, uw_labelled_cloud.read_entries),
+    "none": Format(lambda *_: [], lambda _: iter(())),
 }
-FILES: dict[str, Callable[[Manifest, SequenceSection], list[Path]]] = {
-    "coco": coco.files,
-    "voc": voc.files,
-    "yolo": yolo.files,
-    "uw_mat": uw_mat.files,
-    "uw_labelled_cloud": uw_labelled_cloud.files,
-    "none": lambda *_: [],
-}
+
+
+def read_entries(footage: Footage) -> Iterator[Entry]:
+    """The true boxes as the files have them, with those of other frames and classes.
+
+    Raises:
+        ImodError: as `read_annotations`.
+    """
+    return FORMATS[footage.manifest.annotations.format].read_entries(footage)
 
 
 def read_annotations(
@@ -57,8 +77,8 @@ def read_annotations(
             finite, an image has another size; an unknown class or a box outside the image where the
             manifest makes them errors.
     """
-    entries = READERS[manifest.annotations.format](manifest, sequence, frames, width_px, height_px)
-    return to_reading(manifest, entries, width_px, height_px)
+    footage = Footage(manifest, sequence, frames, (width_px, height_px))
+    return to_reading(footage, read_entries(footage))
 
 
 def annotation_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
@@ -68,4 +88,4 @@ def annotation_files(manifest: Manifest, sequence: SequenceSection) -> list[Path
         ConfigError: the path cannot be meant.
         DataError: the file or folder is missing.
     """
-    return sorted(FILES[manifest.annotations.format](manifest, sequence))
+    return sorted(FORMATS[manifest.annotations.format].files(manifest, sequence))

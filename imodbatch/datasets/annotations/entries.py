@@ -4,17 +4,26 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from imodbatch.core.boxes import clip
-from imodbatch.datasets.base import Reading
-from imodbatch.datasets.coco import NO_AREA, OTHER_FRAMES, OUTSIDE_IMAGE, Box, ClassNames
+from imodbatch.datasets.base import Footage, Reading
+from imodbatch.datasets.names import (
+    NO_AREA,
+    OTHER_FRAMES,
+    OUTSIDE_IMAGE,
+    ClassNames,
+    existing_file,
+)
 from imodbatch.errors import DataError
-from imodbatch.manifest import Manifest
+from imodbatch.manifest import Manifest, SequenceSection
 
+KEY = "annotations.path"
 UNKNOWN_CLASS = "unknown class"
+Box = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -46,15 +55,24 @@ class Entry:
     left_out: str = ""
 
 
-def to_reading(
-    manifest: Manifest, entries: Iterable[Entry], width_px: int, height_px: int
-) -> Reading:
+def annotation_file(manifest: Manifest, sequence: SequenceSection) -> Path:
+    """The one file of a format that has one.
+
+    Raises:
+        ConfigError: the path cannot be meant.
+        DataError: it is missing.
+    """
+    return existing_file(manifest.path_in(sequence, manifest.annotations.path or ""), KEY)
+
+
+def to_reading(footage: Footage, entries: Iterable[Entry]) -> Reading:
     """Rename, cut, count and number the entries.
 
     Raises:
         ConfigError: a rename to an unknown class.
         DataError: a coordinate is not finite, or what `[annotations]` makes an error.
     """
+    manifest = footage.manifest
     classes = ClassNames(manifest, manifest.annotations.rename, "annotations.rename")
     rows: dict[int, list[dict[str, Any]]] = defaultdict(list)
     left_out: Counter[str] = Counter()
@@ -70,7 +88,7 @@ def to_reading(
         if entry.left_out:
             left_out[entry.left_out] += 1
             continue
-        box, fault = _cut(entry, width_px, height_px)
+        box, fault = _cut(entry, *footage.size_px)
         if fault:
             _refuse_box(manifest, entry, fault)
             left_out[fault] += 1

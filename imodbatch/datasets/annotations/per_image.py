@@ -4,17 +4,16 @@ The manifest names a folder, whose files bear the names of the images, or a patt
 ``labels/{sequence}/{frame}.txt``, whose files bear frame numbers, zero-padded or not.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from imodbatch.datasets.base import FrameFile
-from imodbatch.datasets.coco import FrameNames, missing_file
+from imodbatch.datasets.annotations.entries import KEY
+from imodbatch.datasets.base import Footage
+from imodbatch.datasets.names import FrameNames, missing_file
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.errors import ConfigError, DataError
 from imodbatch.manifest import Manifest, SequenceSection
 
-KEY = "annotations.path"
 CLASSES_FILE = "classes.txt"
 
 
@@ -76,13 +75,11 @@ def label_files(manifest: Manifest, sequence: SequenceSection, suffix: str) -> l
 class FrameOfFile:
     """The frame of a label file, and a check that no two files claim the same one."""
 
-    def __init__(
-        self, manifest: Manifest, sequence: SequenceSection, frames: Sequence[FrameFile]
-    ) -> None:
-        pattern = manifest.annotations.path or ""
-        self._stems = FrameNames(manifest, sequence, frames, KEY, pattern, without_suffix=True)
-        self._names = FrameNames(manifest, sequence, frames, KEY, pattern)
-        self._known = {frame.frame_index for frame in frames}
+    def __init__(self, footage: Footage) -> None:
+        pattern = footage.manifest.annotations.path or ""
+        self._stems = FrameNames(footage, KEY, pattern, without_suffix=True)
+        self._names = FrameNames(footage, KEY, pattern)
+        self._known = {frame.frame_index for frame in footage.frames}
         self._file_of: dict[int, Path] = {}
 
     def find(self, file: LabelFile, image_name: str = "") -> int | None:

@@ -16,17 +16,16 @@ from numpy.typing import NDArray
 from imodbatch.core.cloud_boxes import Sight, box_of_points, is_in_front, sight_of_points
 from imodbatch.core.depth import DepthImage, register
 from imodbatch.core.frames import invert, is_rigid
-from imodbatch.datasets.annotations.entries import UNKNOWN_CLASS, Entry
-from imodbatch.datasets.base import CameraModel, FrameFile
-from imodbatch.datasets.coco import OUTSIDE_IMAGE, ClassNames, missing_file
+from imodbatch.datasets.annotations.entries import KEY, UNKNOWN_CLASS, Entry, annotation_file
+from imodbatch.datasets.base import CameraModel, Footage, FrameFile
 from imodbatch.datasets.labelled_clouds import CloudObject, cluster, read_labelled_cloud
+from imodbatch.datasets.names import OUTSIDE_IMAGE, ClassNames, existing_file
 from imodbatch.datasets.registry import camera_model, layout_of
 from imodbatch.datasets.trajectories import read_odometry
 from imodbatch.errors import DataError
 from imodbatch.images import UnreadableImageError, read_depth
 from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
 
-KEY = "annotations.path"
 LABELS = {
     1: "bowl",
     2: "cap",
@@ -58,21 +57,12 @@ def files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
         ConfigError: the sequence has no number to put into the path.
         DataError: one of them is missing.
     """
-    cloud = manifest.path_in(sequence, manifest.annotations.path or "")
-    paths = [cloud, cloud.with_suffix(".label"), cloud.with_suffix(".pose")]
-    for path in paths:
-        if not path.is_file():
-            raise missing_file(path, KEY)
-    return paths
+    cloud = annotation_file(manifest, sequence)
+    beside = (cloud.with_suffix(ending) for ending in (".label", ".pose"))
+    return [cloud, *(existing_file(path, KEY) for path in beside)]
 
 
-def read_entries(
-    manifest: Manifest,
-    sequence: SequenceSection,
-    frames: Sequence[FrameFile],
-    width_px: int,  # noqa: ARG001
-    height_px: int,  # noqa: ARG001
-) -> Iterator[Entry]:
+def read_entries(footage: Footage) -> Iterator[Entry]:
     """A box per object and frame; what is no box of an object in view says why.
 
     Raises:
@@ -80,6 +70,7 @@ def read_entries(
         DataError: a file is missing or damaged; labels do not fit the cloud, poses the frames, or
             the unit of depth the cloud.
     """
+    manifest, sequence, frames = footage.manifest, footage.sequence, footage.frames
     cloud, labels, poses = files(manifest, sequence)
     points, numbers = read_labelled_cloud(cloud, labels)
     unknown = sorted(set(np.unique(numbers).tolist()) - set(LABELS) - set(BACKGROUND))

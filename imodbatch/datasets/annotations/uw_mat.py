@@ -4,20 +4,17 @@ A cell is empty or an array of structs with category, instance, top, bottom, lef
 pixels counted from 1, so that the columns l to r are the continuous interval [l - 1, r].
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.datasets.annotations.entries import Entry
-from imodbatch.datasets.base import FrameFile
-from imodbatch.datasets.coco import missing_file, one_line
-from imodbatch.errors import DataError
-from imodbatch.manifest import Manifest, SequenceSection
+from imodbatch.datasets.annotations.entries import KEY, Entry, annotation_file
+from imodbatch.datasets.base import Footage
+from imodbatch.errors import DataError, one_line
 
-KEY = "annotations.path"
 VARIABLE = "bboxes"
 SIDES = ("left", "top", "right", "bottom")
 FIELDS = ("category", "instance", *SIDES)
@@ -25,33 +22,15 @@ HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 HDF5_PLACES = (0, 512)  # MATLAB writes a text header of 512 bytes before it
 
 
-def files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """The one file.
-
-    Raises:
-        DataError: it is missing.
-    """
-    path = manifest.path_in(sequence, manifest.annotations.path or "")
-    if not path.is_file():
-        raise missing_file(path, KEY)
-    return [path]
-
-
-def read_entries(
-    manifest: Manifest,
-    sequence: SequenceSection,
-    frames: Sequence[FrameFile],
-    width_px: int,  # noqa: ARG001
-    height_px: int,  # noqa: ARG001
-) -> Iterator[Entry]:
+def read_entries(footage: Footage) -> Iterator[Entry]:
     """The boxes of all cells, those of other frames without a frame.
 
     Raises:
         DataError: see `imodbatch.datasets.annotations.read_annotations`; fewer cells than frames.
     """
-    path = files(manifest, sequence)[0]
+    path = annotation_file(footage.manifest, footage.sequence)
     cells = _cells(path)
-    known = {frame.frame_index for frame in frames}
+    known = {frame.frame_index for frame in footage.frames}
     _refuse_frames_without_cell(path, len(cells), known)
     for number, cell in enumerate(cells, start=1):
         structs = np.asarray(cell)

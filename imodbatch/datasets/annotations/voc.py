@@ -4,48 +4,32 @@ The pixels l to r, counted from 1 and both included, are the continuous interval
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator
 
 from imodbatch.datasets.annotations.entries import Entry
 from imodbatch.datasets.annotations.per_image import FrameOfFile, LabelFile, label_files
-from imodbatch.datasets.base import FrameFile
-from imodbatch.datasets.coco import check_size, one_line
-from imodbatch.errors import DataError
-from imodbatch.manifest import Manifest, SequenceSection
+from imodbatch.datasets.base import Footage
+from imodbatch.datasets.names import check_size
+from imodbatch.errors import DataError, one_line
+
+SUFFIX = ".xml"
 
 
-def files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
-    """The XML files.
-
-    Raises:
-        ConfigError: the path cannot be meant.
-        DataError: the folder is missing.
-    """
-    return [file.path for file in label_files(manifest, sequence, ".xml")]
-
-
-def read_entries(
-    manifest: Manifest,
-    sequence: SequenceSection,
-    frames: Sequence[FrameFile],
-    width_px: int,
-    height_px: int,
-) -> Iterator[Entry]:
+def read_entries(footage: Footage) -> Iterator[Entry]:
     """The objects of all files, those of other images without a frame.
 
     Raises:
         ConfigError: the path cannot be meant.
         DataError: see `imodbatch.datasets.annotations.read_annotations`.
     """
-    frame_of_file = FrameOfFile(manifest, sequence, frames)
-    for file in label_files(manifest, sequence, ".xml"):
+    frame_of_file = FrameOfFile(footage)
+    for file in label_files(footage.manifest, footage.sequence, SUFFIX):
         root = _root(file)
         image_name = root.findtext("filename", "").strip()
         index = frame_of_file.find(file, image_name)
         if index is not None:
             width, height = (_size(root, side, file) for side in ("width", "height"))
-            check_size(width, height, (width_px, height_px), str(file.path))
+            check_size(width, height, footage.size_px, str(file.path))
         for number, element in enumerate(root.findall("object"), start=1):
             yield _entry(element, index, f"{file.path}: object {number}")
 

@@ -14,10 +14,11 @@ from imodbatch.datasets.annotations.per_image import (
     label_files,
     label_folder,
 )
-from imodbatch.datasets.base import FrameFile
+from imodbatch.datasets.base import Footage
 from imodbatch.errors import ConfigError, DataError
 from imodbatch.manifest import Manifest, SequenceSection
 
+SUFFIX = ".txt"
 LARGEST_SHARE = 2.0
 """A share beyond it cannot be meant: the numbers are pixels."""
 
@@ -29,31 +30,25 @@ def files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
         ConfigError: the path cannot be meant.
         DataError: the folder is missing.
     """
-    labels = [file.path for file in label_files(manifest, sequence, ".txt")]
+    labels = [file.path for file in label_files(manifest, sequence, SUFFIX)]
     names = None if manifest.annotations.names else _classes_file(manifest, sequence)
     return [*labels, names] if names else labels
 
 
-def read_entries(
-    manifest: Manifest,
-    sequence: SequenceSection,
-    frames: Sequence[FrameFile],
-    width_px: int,
-    height_px: int,
-) -> Iterator[Entry]:
+def read_entries(footage: Footage) -> Iterator[Entry]:
     """The boxes of all files, those of other images without a frame.
 
     Raises:
         ConfigError: nothing says the classes' names; the path cannot be meant.
         DataError: see `imodbatch.datasets.annotations.read_annotations`.
     """
-    labels = label_files(manifest, sequence, ".txt")
-    names = _names(manifest, sequence)
-    frame_of_file = FrameOfFile(manifest, sequence, frames)
+    labels = label_files(footage.manifest, footage.sequence, SUFFIX)
+    names = _names(footage.manifest, footage.sequence)
+    frame_of_file = FrameOfFile(footage)
     for file in labels:
         index = frame_of_file.find(file)
         try:
-            yield from list(_entries(file.path, index, names, width_px, height_px))
+            yield from list(_entries(file.path, index, names, *footage.size_px))
         except DataError:
             # A text file that bears no frame's name may be anything: a README, a list of images.
             if index is not None:

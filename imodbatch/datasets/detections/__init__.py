@@ -9,10 +9,10 @@ viewpoints.
 from collections.abc import Sequence
 from pathlib import Path
 
-from imodbatch.datasets.base import FrameFile
-from imodbatch.datasets.coco import missing_file
+from imodbatch.datasets.base import Footage, FrameFile
 from imodbatch.datasets.detections import coco, table
 from imodbatch.datasets.detections.found import KEY, Grid, ImportedDetections, select
+from imodbatch.datasets.names import existing_file
 from imodbatch.errors import ConfigError
 from imodbatch.manifest import DetectionsSection, Manifest, SequenceSection
 
@@ -51,11 +51,12 @@ def read_detections(
     """
     section = _section(manifest)
     grid = _grid(manifest, section, grid_size)
+    footage = Footage(manifest, sequence, frames, (width_px, height_px))
     if section.format == "coco":
-        found = coco.read_found(manifest, section, sequence, frames, (width_px, height_px))
+        found = coco.read_found(footage, section)
     else:
-        found = table.read_found(manifest, section, sequence, frames, grid)
-    return select(found, section.unknown_frames, width_px, height_px)
+        found = table.read_found(footage, section, grid)
+    return select(found, section.unknown_frames, footage.size_px)
 
 
 def detection_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
@@ -68,9 +69,7 @@ def detection_files(manifest: Manifest, sequence: SequenceSection) -> list[Path]
         DataError: a file is missing.
     """
     section = _section(manifest)
-    path = manifest.path_in(sequence, section.path)
-    if not path.is_file():
-        raise missing_file(path, KEY)
+    path = existing_file(manifest.path_in(sequence, section.path), KEY)
     beside = coco.files_beside(manifest, section, sequence) if section.format == "coco" else []
     return sorted({path, *beside})
 

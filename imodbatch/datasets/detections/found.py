@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.boxes import area, clip
-from imodbatch.datasets.base import FrameFile
-from imodbatch.datasets.coco import NO_AREA, OTHER_FRAMES, OUTSIDE_IMAGE, FrameNames, sharing
+from imodbatch.datasets.base import Footage
+from imodbatch.datasets.names import NO_AREA, OUTSIDE_IMAGE, UNKNOWN_FRAMES, Place, sharing
 from imodbatch.errors import DataError
-from imodbatch.manifest import Manifest, SequenceSection
 
 KEY = "detections.path"
 OTHER_SEQUENCES = "other sequences"
-UNKNOWN_FRAMES = "unknown frames"
 OTHER_CLASSES = "other classes"
 
 
@@ -54,14 +52,6 @@ class ImportedDetections:
     left_out: Counter[str]
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where an image belongs: a frame of the slice, or the reason why it is none."""
-
-    frame_index: int | None
-    reason: str = ""
-
-
 @dataclass(frozen=True, eq=False)
 class Found:
     """All entries of a file.
@@ -69,87 +59,73 @@ class Found:
     Attributes:
         path: the file.
         entry: number of an entry → how to call it in an error.
-        places: (n,) where each belongs.
         place_names: (n,) how the file calls its image, for errors.
         boxes: (n, 4) float64 x0 y0 x1 y1 in continuous pixels.
+        cure: what to do about a box that runs backwards.
+        places: (n,) where each belongs, or why nowhere.
         view_scores: (n, K·M·N) float32; rows of other classes are 0.
         background: (n,) float64.
-        has_class: (n,) bool, False = a class that the manifest does not ask for.
-        cure: what to do about a box that runs backwards.
     """
 
     path: Path
     entry: Callable[[int], str]
-    places: Sequence[Place]
     place_names: Sequence[Any]
     boxes: NDArray[np.float64]
+    cure: str
+    places: Sequence[Place]
     view_scores: NDArray[np.float32]
     background: NDArray[np.float64]
-    has_class: NDArray[np.bool_]
-    cure: str
 
 
-class Frames:
-    """Which frame of a sequence's slice a number or a file name means."""
-
-    def __init__(
-        self, sequence: SequenceSection, frames: Sequence[FrameFile], names: FrameNames
-    ) -> None:
-        self._sequence, self._names = sequence, names
-        self._places = {frame.frame_index: Place(frame.frame_index) for frame in frames}
-
-    def by_number(self, number: int) -> Place:
-        """The place of a frame number; one that the slice leaves out may well exist."""
-        if number in self._places:
-            return self._places[number]
-        kept = self._sequence.keeps(number)
-        return Place(None, UNKNOWN_FRAMES if kept else OTHER_FRAMES)
-
-    def by_name(self, name: str, where: str) -> Place:
-        """The place of an image file.
-
-        Raises:
-            DataError: the name fits several images.
-        """
-        index = self._names.find(name, where)
-        if index is not None:
-            return self._places[index]
-        return Place(None, OTHER_FRAMES if self._names.is_elsewhere(name) else UNKNOWN_FRAMES)
-
-
-def refuse_shared_numbers(
-    manifest: Manifest, sequence: SequenceSection, pattern: str, path: Path, cure: str
-) -> None:
+def refuse_shared_numbers(footage: Footage, pattern: str, cure: str) -> None:
     """Refuse frame numbers in a file that sequences of different folders read.
 
     Raises:
         DataError: there are such sequences.
     """
+    manifest, sequence = footage.manifest, footage.sequence
     others = sharing(manifest, sequence, pattern)
     if others:
+        path = manifest.path_in(sequence, pattern)
         raise DataError(
             f"{path}: is read for {sequence.id} and {others[0].id}, and frame numbers do not say "
             f"whose they are. {cure}, or put {{sequence}} into {KEY}."
         )
 
 
-def one_hot(
-    class_ids: NDArray[np.int64], scores: NDArray[np.float64], n_classes: int
-) -> NDArray[np.float32]:
-    """View scores of a detector that knows one class per box.
+def of_classes(
+    path: Path,
+    entry: Callable[[int], str],
+    places: Sequence[Place],
+    class_ids: Sequence[int | None],
+    scores: NDArray[np.float64],
+    n_classes: int,
+) -> tuple[list[Place], NDArray[np.float32], NDArray[np.float64]]:
+    """What the boxes of a detector that names one class per box come to.
 
     Args:
-        class_ids: (n,) ordinals, -1 = a class that the manifest does not ask for.
+        path: the file.
+        entry: number of an entry → how to call it.
+        places: (n,) where each box belongs.
+        class_ids: (n,) ordinals, None = a class that the manifest does not ask for.
         scores: (n,) scores of these classes.
         n_classes: K.
 
     Returns:
-        (n, K) the score in the class's column, an exact 0 elsewhere.
+        (n,) places, nowhere where the class is not asked for; (n, K) view scores, the score in the
+        class's column, an exact 0 elsewhere; (n,) background scores.
+
+    Raises:
+        DataError: a score is no probability.
     """
-    view_scores = np.zeros((len(class_ids), n_classes), dtype=np.float32)
-    rows = np.flatnonzero(class_ids >= 0)
-    view_scores[rows, class_ids[rows]] = scores[rows]
-    return view_scores
+    check_scores(path, entry, scores)
+    view_scores, kept = np.zeros((len(scores), n_classes), dtype=np.float32), list(places)
+    for row, class_id in enumerate(class_ids):
+        if class_id is not None:
+            view_scores[row, class_id] = scores[row]
+        elif not kept[row].reason:
+            kept[row] = Place(None, OTHER_CLASSES)
+    return kept, view_scores, 1.0 - scores
 
 
 def check_scores(path: Path, entry: Callable[[int], str], scores: NDArray[Any]) -> None:
@@ -181,7 +157,7 @@ def check_scores(path: Path, entry: Callable[[int], str], scores: NDArray[Any]) 
 
 
 def select(
-    found: Found, unknown_frames: Literal["error", "skip"], width_px: int, height_px: int
+    found: Found, unknown_frames: Literal["error", "skip"], size_px: tuple[int, int]
 ) -> ImportedDetections:
     """Check the boxes, cut them at the image's border, and keep what belongs to the slice.
 
@@ -192,13 +168,9 @@ def select(
     reasons = np.array([place.reason for place in found.places], dtype=object)
     if unknown_frames == "error":
         _refuse_unknown(found, np.flatnonzero(reasons == UNKNOWN_FRAMES))
-    boxes = clip(found.boxes, width_px, height_px)
-    for faulty, reason in (
-        (~found.has_class, OTHER_CLASSES),
-        (area(found.boxes) <= 0, NO_AREA),
-        (area(boxes) <= 0, OUTSIDE_IMAGE),
-    ):
-        reasons[(reasons == "") & faulty] = reason
+    boxes = clip(found.boxes, *size_px)
+    for left, reason in ((found.boxes, NO_AREA), (boxes, OUTSIDE_IMAGE)):
+        reasons[(reasons == "") & (area(left) <= 0)] = reason
     kept = np.flatnonzero(reasons == "")
     return ImportedDetections(
         np.array([found.places[i].frame_index for i in kept.tolist()], dtype=np.int64),

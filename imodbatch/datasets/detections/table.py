@@ -8,7 +8,6 @@ background_score if that is not what the vector leaves of 1. Other columns are o
 
 import re
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,21 +19,19 @@ from numpy.typing import NDArray
 from pyarrow import csv, parquet
 
 from imodbatch.config import did_you_mean
-from imodbatch.datasets.base import FrameFile
-from imodbatch.datasets.coco import ClassNames, FrameNames, missing_file, one_line
+from imodbatch.datasets.base import Footage
 from imodbatch.datasets.detections.found import (
     KEY,
     OTHER_SEQUENCES,
     Found,
-    Frames,
     Grid,
-    Place,
     check_scores,
-    one_hot,
+    of_classes,
     refuse_shared_numbers,
 )
-from imodbatch.errors import ConfigError, DataError
-from imodbatch.manifest import DetectionsSection, Manifest, SequenceSection
+from imodbatch.datasets.names import ClassNames, FrameNames, Place, missing_file
+from imodbatch.errors import ConfigError, DataError, one_line
+from imodbatch.manifest import DetectionsSection, Manifest
 
 BOX_COLUMNS = ("x0_px", "y0_px", "x1_px", "y1_px")
 NUMBERED = re.compile(r"view_score_(\d+)")
@@ -43,39 +40,29 @@ ROUNDING = 0.01
 BACKWARDS = "Are these x, y, width, height? Give x0_px, y0_px, x1_px, y1_px."
 
 
-def read_found(
-    manifest: Manifest,
-    section: DetectionsSection,
-    sequence: SequenceSection,
-    frames: Sequence[FrameFile],
-    grid: Grid,
-) -> Found:
+def read_found(footage: Footage, section: DetectionsSection, grid: Grid) -> Found:
     """All rows of the file.
 
     Args:
-        manifest: the split.
-        section: its `[detections]`.
-        sequence: one of its sequences.
-        frames: the frames of the sequence's slice.
+        footage: the frames of the sequence's slice.
+        section: `[detections]` of the manifest.
         grid: what score vectors have entries for.
 
     Raises:
         ConfigError: a rename to an unknown class; a grid is declared but the file has no vectors.
         DataError: see `imodbatch.datasets.detections.read_detections`.
     """
-    path = manifest.path_in(sequence, section.path)
+    manifest = footage.manifest
+    path = manifest.path_in(footage.sequence, section.path)
     table = _Table(path, _read(path, section.format))
     boxes = np.stack([table.floats(name) for name in BOX_COLUMNS], axis=1)
-    keys, places = _places(manifest, section, sequence, frames, table)
+    keys, places = _places(footage, section, table)
     vectors = table.vectors(grid)
     if vectors is None:
-        view_scores, background, has_class = _single_scores(manifest, section, table, grid)
+        scored = _single_scores(manifest, section, table, grid, places)
     else:
-        view_scores, background = vectors, _background(table, vectors)
-        has_class = np.ones(len(boxes), dtype=np.bool_)
-    return Found(
-        path, table.entry, places, keys, boxes, view_scores, background, has_class, BACKWARDS
-    )
+        scored = places, vectors, _background(table, vectors)
+    return Found(path, table.entry, keys, boxes, BACKWARDS, *scored)
 
 
 @dataclass(frozen=True)
@@ -192,29 +179,23 @@ def _read(path: Path, form: str) -> Any:
 
 
 def _places(
-    manifest: Manifest,
-    section: DetectionsSection,
-    sequence: SequenceSection,
-    frames: Sequence[FrameFile],
-    table: _Table,
+    footage: Footage, section: DetectionsSection, table: _Table
 ) -> tuple[list[Any], list[Place]]:
     """(n,) what each row says of its image, and where that belongs."""
     has_sequences = table.has("sequence_id")
-    names = FrameNames(manifest, sequence, frames, KEY, section.path, is_shared=not has_sequences)
-    lookup = Frames(sequence, frames, names)
+    names = FrameNames(footage, KEY, section.path, is_shared=not has_sequences)
     is_ours = [True] * table.data.num_rows
     if has_sequences:
-        is_ours = [name == sequence.id for name in table.keys("sequence_id", pa.string())]
+        is_ours = [name == footage.sequence.id for name in table.keys("sequence_id", pa.string())]
     if table.has("frame_index"):
         if not has_sequences:
-            cure = "Add a column sequence_id"
-            refuse_shared_numbers(manifest, sequence, section.path, table.path, cure)
+            refuse_shared_numbers(footage, section.path, "Add a column sequence_id")
         keys = table.keys("frame_index", pa.int64())
-        known = {key: lookup.by_number(key) for key in set(keys)}
+        known = {key: names.place_of_number(key) for key in set(keys)}
     elif table.has("file_name"):
         keys = table.keys("file_name", pa.string())
         ours = {key for key, is_one in zip(keys, is_ours, strict=True) if is_one}
-        known = {key: lookup.by_name(key, str(table.path)) for key in sorted(ours)}
+        known = {key: names.place_of_name(key, str(table.path)) for key in sorted(ours)}
     else:
         raise DataError(
             f"{table.path}: has neither a column frame_index nor file_name."
@@ -227,9 +208,13 @@ def _places(
 
 
 def _single_scores(
-    manifest: Manifest, section: DetectionsSection, table: _Table, grid: Grid
-) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_]]:
-    """View scores, background and whether the class is asked for, from class_name and score."""
+    manifest: Manifest,
+    section: DetectionsSection,
+    table: _Table,
+    grid: Grid,
+    places: list[Place],
+) -> tuple[list[Place], NDArray[np.float32], NDArray[np.float64]]:
+    """Places, view scores and background, from class_name and score."""
     if not (table.has("class_name") and table.has("score")):
         raise DataError(
             f"{table.path}: has no scores. Expected a list column view_scores, or columns "
@@ -242,11 +227,10 @@ def _single_scores(
             "n_azimuths and elevations_deg out, or give view_scores."
         )
     classes = ClassNames(manifest, section.rename, "detections.rename")
-    found = [classes.find(name) for name in table.keys("class_name", pa.string())]
-    class_ids = np.array([-1 if i is None else i for i in found], dtype=np.int64)
-    scores = table.floats("score")
-    check_scores(table.path, table.entry, scores)
-    return one_hot(class_ids, scores, len(manifest.classes)), 1.0 - scores, class_ids >= 0
+    class_ids = [classes.find(name) for name in table.keys("class_name", pa.string())]
+    return of_classes(
+        table.path, table.entry, places, class_ids, table.floats("score"), grid.n_classes
+    )
 
 
 def _background(table: _Table, view_scores: NDArray[np.float32]) -> NDArray[np.float64]:

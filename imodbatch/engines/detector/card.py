@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from imodbatch.atomic import write_text
-from imodbatch.errors import ConfigError
+from imodbatch.errors import ConfigError, one_line
 
 FORMAT_VERSION = 1
 WEIGHTS_SUFFIX, CARD_SUFFIX = ".safetensors", ".json"
@@ -279,7 +279,7 @@ def _parse_card(content: bytes, path: Path) -> DetectorCard:
     try:
         values = json.loads(content.decode("utf-8"))
     except ValueError as error:
-        reason = " ".join(str(error).split())
+        reason = one_line(error)
         raise ConfigError(
             f"{path}: not a readable JSON card ({reason}). Restore the file that came with the "
             f"weights."

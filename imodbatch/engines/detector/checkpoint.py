@@ -20,7 +20,7 @@ from imodbatch.engines.detector.card import (
     write_card,
 )
 from imodbatch.engines.detector.network import MultiViewFasterRCNN, build_detector
-from imodbatch.errors import ConfigError
+from imodbatch.errors import ConfigError, one_line
 
 
 def save_checkpoint(model: nn.Module, card: DetectorCard, path: str | Path) -> None:
@@ -58,7 +58,7 @@ def stored_tensors(checkpoint: Checkpoint) -> dict[str, Tensor]:
     try:
         tensors = load(checkpoint.weights)
     except SafetensorError as error:
-        reason = " ".join(str(error).split())
+        reason = one_line(error)
         raise ConfigError(
             f"{checkpoint.path}: not a readable safetensors file ({reason}). Copy or download it "
             "again."

@@ -11,9 +11,6 @@ neither way; a category may carry `symmetry`: "none", "full", or the number of t
 onto itself. Angles are kept continuous, so that one folder serves every viewpoint grid.
 """
 
-import json
-import math
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,13 +19,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from imodbatch.coco import CocoBox, CocoFile, JsonId
+from imodbatch.core.symmetry import Symmetry
 from imodbatch.errors import ConfigError, DataError
 from imodbatch.images import read_color
-
-Symmetry = int
-"""Turns that map an object onto itself: 1 = none, n = n-fold, 0 = full (a body of revolution)."""
-FULL_SYMMETRY: Symmetry = 0
-NO_SYMMETRY: Symmetry = 1
 
 JSON_NAMES = ("annotations.json", "coco.json", "instances.json")
 
@@ -101,36 +95,30 @@ class CocoStream:
         self._files: list[Path] = []
         self._labels: list[_Labels] = []
         for path in _find_jsons(self.path):
-            content = _read_json(path)
-            try:
-                self._read(content, path)
-            except (KeyError, TypeError, ValueError, AttributeError) as error:
-                raise DataError(
-                    f"{path}: not COCO annotations: {type(error).__name__} {error}. "
-                    f"Write it with `imodbatch synth`."
-                ) from None
+            self._read(CocoFile(path, "--data"))
         if not self._files:
             raise DataError(f"{self.path}: lists no images. Run `imodbatch synth` again.")
         self._seed = seed
         self._round: tuple[int, NDArray[np.int64]] = (-1, np.zeros(0, dtype=np.int64))
 
-    def _read(self, content: dict[str, Any], path: Path) -> None:
-        categories = sorted(content["categories"], key=lambda category: int(category["id"]))
-        classes = tuple(str(category["name"]) for category in categories)
-        symmetries = tuple(
-            parse_symmetry(category.get("symmetry", "none")) for category in categories
+    def _read(self, file: CocoFile) -> None:
+        categories = sorted(
+            file.categories.items(), key=lambda item: (isinstance(item[0], str), item[0])
         )
+        classes = tuple(category.name for _, category in categories)
+        symmetries = tuple(category.symmetry or "none" for _, category in categories)
         if self._files and (classes, symmetries) != (self.classes, self.symmetries):
             raise DataError(
-                f"{path}: its classes are not those of the files beside it. Make them the same."
+                f"{file.path}: its classes are not those of the files beside it. Make them the "
+                "same."
             )
         self.classes, self.symmetries = classes, symmetries
-        class_of = {category["id"]: k for k, category in enumerate(categories)}
-        annotations: dict[Any, list[dict[str, Any]]] = defaultdict(list)
-        for annotation in content["annotations"]:
-            annotations[annotation["image_id"]].append(annotation)
-        self._files += [path.parent / str(image["file_name"]) for image in content["images"]]
-        self._labels += [_labels(annotations[image["id"]], class_of) for image in content["images"]]
+        class_of = {identifier: k for k, (identifier, _) in enumerate(categories)}
+        boxes: dict[JsonId, list[CocoBox]] = {identifier: [] for identifier in file.images}
+        for box in file.boxes():
+            boxes[box.image_id].append(box)
+        self._files += [file.path.parent / image.file_name for image in file.images.values()]
+        self._labels += [_labels(own, class_of) for own in boxes.values()]
 
     @property
     def name(self) -> str:
@@ -215,21 +203,6 @@ class MixedStream:
         return {"mixture": [{**s.describe(), "share": round(share, 4)} for s, share in parts]}
 
 
-def parse_symmetry(value: object) -> Symmetry:
-    """Read the `symmetry` of a category: "none", "full" or a number of turns.
-
-    Raises:
-        ValueError: it is none of them.
-    """
-    if value in (None, "none"):
-        return NO_SYMMETRY
-    if value == "full":
-        return FULL_SYMMETRY
-    if isinstance(value, int) and not isinstance(value, bool) and value >= 1:
-        return value
-    raise ValueError(f'symmetry: expected "none", "full" or a number of turns, found {value!r}')
-
-
 _Labels = tuple[
     NDArray[np.float32],
     NDArray[np.int64],
@@ -239,24 +212,21 @@ _Labels = tuple[
 ]
 
 
-def _labels(annotations: list[dict[str, Any]], class_of: dict[Any, int]) -> _Labels:
+def _labels(found: list[CocoBox], class_of: dict[JsonId, int]) -> _Labels:
     """Turn the annotations of an image into arrays; a box without area is left out."""
-    kept = [a for a in annotations if a["bbox"][2] > 0 and a["bbox"][3] > 0]
-    boxes = np.array([a["bbox"] for a in kept], dtype=np.float32).reshape(-1, 4)
-    boxes[:, 2:] += boxes[:, :2]  # COCO says x, y, width, height
-    ignored = [bool(a.get("ignore", 0)) or bool(a.get("iscrowd", 0)) for a in kept]
+    kept = [box for box in found if min(box.xywh[2:]) > 0]
+    boxes = np.array([box.xywh for box in kept], dtype=np.float32).reshape(-1, 4)
+    boxes[:, 2:] += boxes[:, :2]
+    # An angle that is not given is None, which becomes NaN.
+    azimuth_deg = np.array([box.azimuth_deg for box in kept], dtype=np.float64)
+    elevation_deg = np.array([box.elevation_deg for box in kept], dtype=np.float64)
     return (
         boxes,
-        np.array([class_of[a["category_id"]] for a in kept], dtype=np.int64),
-        np.array([_radians(a, "azimuth_deg") for a in kept], dtype=np.float32),
-        np.array([_radians(a, "elevation_deg") for a in kept], dtype=np.float32),
-        np.array(ignored, dtype=np.bool_),
+        np.array([class_of[box.category_id] for box in kept], dtype=np.int64),
+        np.radians(azimuth_deg).astype(np.float32),
+        np.radians(elevation_deg).astype(np.float32),
+        np.array([box.is_ignored or box.is_crowd for box in kept], dtype=np.bool_),
     )
-
-
-def _radians(annotation: dict[str, Any], key: str) -> float:
-    value = annotation.get(key)
-    return math.nan if value is None else math.radians(float(value))
 
 
 def _find_jsons(path: Path) -> list[Path]:
@@ -284,13 +254,3 @@ def _find_json(path: Path) -> Path:
             f"{', '.join(file.name for file in found) or 'none'}. Name the JSON file itself."
         )
     return found[0]
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: not readable JSON ({' '.join(str(error).split())}).") from None
-    if not isinstance(content, dict):
-        raise DataError(f"{path}: not COCO annotations: expected an object at the top.")
-    return content

@@ -21,8 +21,9 @@ from torch import Tensor
 from torchvision.models.detection._utils import BalancedPositiveNegativeSampler, Matcher
 from torchvision.ops import box_iou
 
+from imodbatch.core.symmetry import Symmetry, n_fold
 from imodbatch.core.viewpoint import FULL_TURN_RAD, ViewGrid
-from imodbatch.engines.detector.training_samples import FULL_SYMMETRY, Sample, Symmetry
+from imodbatch.engines.detector.training_samples import Sample
 
 TAKES_NO_PART = -1
 BACKGROUND = 0
@@ -66,14 +67,14 @@ class ViewTargets:
         self, azimuth_rad: float, elevation_rad: float, class_id: int
     ) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
         shape = (self.grid.n_elevations, self.grid.n_azimuths)
-        symmetry = self.symmetries[class_id] if self.symmetries else 1
-        if np.isnan(elevation_rad) or (np.isnan(azimuth_rad) and symmetry != FULL_SYMMETRY):
+        turns = n_fold(self.symmetries[class_id]) if self.symmetries else 1
+        if np.isnan(elevation_rad) or (np.isnan(azimuth_rad) and turns is not None):
             return np.zeros(shape)
-        if symmetry == FULL_SYMMETRY:
+        if turns is None:
             over_azimuth = np.full(self.grid.n_azimuths, 1 / self.grid.n_azimuths)
         else:
-            turns = azimuth_rad + np.arange(symmetry) * (FULL_TURN_RAD / symmetry)
-            over_azimuth = np.mean([self._over_azimuth(float(turn)) for turn in turns], axis=0)
+            equal = azimuth_rad + np.arange(turns) * (FULL_TURN_RAD / turns)
+            over_azimuth = np.mean([self._over_azimuth(float(turn)) for turn in equal], axis=0)
         return np.outer(self._over_elevation(elevation_rad), over_azimuth)
 
     def _over_azimuth(self, azimuth_rad: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

@@ -24,10 +24,11 @@ from imodbatch.core.scoring import (
     match_all,
     mean_over_classes,
 )
+from imodbatch.core.symmetry import Symmetry, n_fold
 from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.engines.detector.detections import RawDetections
 from imodbatch.engines.detector.recipes import ValidationSection
-from imodbatch.engines.detector.training_samples import FULL_SYMMETRY, Sample, Symmetry
+from imodbatch.engines.detector.training_samples import Sample
 
 IOU_THRESHOLD = 0.5
 Predict = Callable[[list[NDArray[np.uint8]]], list[RawDetections]]
@@ -184,15 +185,16 @@ def _judge(
         if a < 0:
             continue
         elevation[k, e, named_elevation[row]] += 1
-        if symmetries[k] != FULL_SYMMETRY:
-            b = _nearest_equal(int(named_azimuth[row]), int(a), symmetries[k], grid.n_azimuths)
+        turns = n_fold(symmetries[k])
+        if turns is not None:
+            b = _nearest_equal(int(named_azimuth[row]), int(a), turns, grid.n_azimuths)
             azimuth[k, a, b] += 1
     return Validation(classes, ap, n_annotations, azimuth, elevation)
 
 
-def _nearest_equal(named: int, true: int, symmetry: Symmetry, n_azimuths: int) -> int:
+def _nearest_equal(named: int, true: int, n_turns: int, n_azimuths: int) -> int:
     """Of the bins that look the same as the named one, the one nearest to the truth."""
-    turns = np.arange(symmetry) * (n_azimuths / symmetry)
+    turns = np.arange(n_turns) * (n_azimuths / n_turns)
     equal = np.floor(named + turns + 0.5).astype(np.int64) % n_azimuths
     off = np.abs(equal - true)
     return int(equal[np.argmin(np.minimum(off, n_azimuths - off))])

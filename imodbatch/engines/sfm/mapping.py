@@ -15,7 +15,7 @@ from imodbatch.atomic import scratch_folder
 from imodbatch.engines.sfm.colmap import SEED, Progress, n_threads, pycolmap
 from imodbatch.engines.sfm.features import feature_scales
 from imodbatch.engines.sfm.workspace import Database
-from imodbatch.errors import DataError, ImodError
+from imodbatch.errors import DataError, ImodError, one_line
 
 MIN_MODEL_SIZE = 3
 MIN_FIRM_POINTS = 50  # with 30 or 40, COLMAP now and then takes one wall for another
@@ -119,7 +119,7 @@ def reconstruct(
         with scratch_folder(database.path.with_name("mapping")) as output:
             found = run(database, image_root, output, progress)
     except (RuntimeError, ValueError, IndexError) as error:
-        text = " ".join(str(error).split())
+        text = one_line(error)
         raise ImodError(
             f"{where}: COLMAP's {mapper} mapper failed ({text}). "
             f"Set sfm.mapper = '{'incremental' if mapper == 'global' else 'global'}'."

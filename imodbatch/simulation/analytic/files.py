@@ -1,6 +1,5 @@
 """How a walk lies on disk: PNG images, a TUM trajectory, COCO annotations, Parquet detections."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from imodbatch.atomic import replacing, write_text
+from imodbatch.coco import box_entry, coco_text, image_entry
 from imodbatch.core.frames import quaternion_from_matrix
 from imodbatch.schemas import BOX
 from imodbatch.simulation.analytic.catalogue import CLASSES
@@ -54,40 +54,24 @@ def write_trajectory(path: Path, world_from_cam: NDArray[np.float64]) -> None:
 
 def write_annotations(path: Path, seen_by_frame: Sequence[Sequence[TrueObject]]) -> None:
     """True boxes as COCO; `ignore` = 1 where an object is cut off or mostly hidden."""
-    annotations = [
-        _coco_annotation(frame_index, true)
-        for frame_index, seen in enumerate(seen_by_frame)
-        for true in seen
-    ]
-    images = [
-        {
-            "id": frame_index,
-            "file_name": frame_file("color", frame_index),
-            "width": CAMERA.width_px,
-            "height": CAMERA.height_px,
-        }
-        for frame_index in range(len(seen_by_frame))
-    ]
-    content = {
-        "info": {"description": "Analytic scene: exact boxes, continuous pixels (corner = 0)."},
-        "images": images,
-        "categories": [{"id": k + 1, "name": name} for k, name in enumerate(CLASSES)],
-        "annotations": [{"id": i + 1, **entry} for i, entry in enumerate(annotations)],
-    }
-    write_text(path, json.dumps(content, indent=1) + "\n")
+    size_px = CAMERA.width_px, CAMERA.height_px
+    text = coco_text(
+        {"description": "Analytic scene: exact boxes, continuous pixels (corner = 0)."},
+        dict.fromkeys(CLASSES),
+        [image_entry(k, frame_file("color", k), size_px) for k in range(len(seen_by_frame))],
+        [[_box(true) for true in seen] for seen in seen_by_frame],
+    )
+    write_text(path, text)
 
 
-def _coco_annotation(frame_index: int, true: TrueObject) -> dict[str, Any]:
-    x0, y0, x1, y1 = true.box_px
-    return {
-        "image_id": frame_index,
-        "category_id": true.class_id + 1,
-        "bbox": [x0, y0, x1 - x0, y1 - y0],
-        "area": true.n_pixels,
-        "iscrowd": 0,
-        "ignore": int(true.is_ignored),
-        "instance": true.instance_id,
-    }
+def _box(true: TrueObject) -> dict[str, Any]:
+    return box_entry(
+        true.class_id,
+        true.box_px,
+        true.n_pixels,
+        is_ignored=true.is_ignored,
+        instance=true.instance_id,
+    )
 
 
 def detection_rows(

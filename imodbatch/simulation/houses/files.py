@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from imodbatch.atomic import replacing, write_text
+from imodbatch.coco import box_entry, coco_text, image_entry
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import quaternion_from_matrix
+from imodbatch.core.symmetry import Symmetry
 from imodbatch.simulation.analytic.sensor import to_millimetres
 from imodbatch.simulation.houses.sequence import GRID_8, GRID_16, HouseFrame, SeenTarget
-from imodbatch.simulation.mesh import Symmetry
 
 FRAMES_PER_SECOND = 5
 ODOMETRY_FILE, TRUE_POSES_FILE = "odometry.txt", "trajectory_true.txt"
@@ -61,52 +62,34 @@ def write_annotations(
     image_file: Callable[[int], str] = color_file,
 ) -> None:
     """True boxes as COCO, with viewpoints; `ignore` = 1 for hidden, cut and tiny objects."""
-    annotations = [
-        _annotation(frame_index, seen)
-        for frame_index, all_seen in enumerate(seen_by_frame)
-        for seen in all_seen
-    ]
-    content = {
-        "info": {
+    size_px = camera.width_px, camera.height_px
+    text = coco_text(
+        {
             "description": "Simulated house. Boxes enclose whole outlines within the image, hidden "
             "parts included, in continuous pixels (corner = 0). azimuth_deg and elevation_deg: of "
             "the camera in the object's own frame. Bins: 3 x 16 and 3 x 8, elevations 10 30 50."
         },
-        "images": [
-            {
-                "id": frame_index,
-                "file_name": image_file(frame_index),
-                "width": camera.width_px,
-                "height": camera.height_px,
-            }
-            for frame_index in range(len(seen_by_frame))
-        ],
-        "categories": [
-            {"id": k + 1, "name": name, "symmetry": symmetry}
-            for k, (name, symmetry) in enumerate(classes.items())
-        ],
-        "annotations": [{"id": i + 1, **entry} for i, entry in enumerate(annotations)],
-    }
-    write_text(path, json.dumps(content, indent=1) + "\n")
+        classes,
+        [image_entry(k, image_file(k), size_px) for k in range(len(seen_by_frame))],
+        [[_box(seen) for seen in all_seen] for all_seen in seen_by_frame],
+    )
+    write_text(path, text)
 
 
-def _annotation(frame_index: int, seen: SeenTarget) -> dict[str, Any]:
-    x0, y0, x1, y1 = seen.box_px
-    return {
-        "image_id": frame_index,
-        "category_id": seen.target.class_id + 1,
-        "bbox": [x0, y0, x1 - x0, y1 - y0],
-        "area": seen.n_pixels,
-        "iscrowd": 0,
-        "ignore": int(seen.is_ignored),
-        "instance": seen.target.instance_id,
-        "visibility": round(seen.visibility, 4),
-        "azimuth_deg": round(float(np.rad2deg(seen.azimuth_rad)), 6),
-        "elevation_deg": round(float(np.rad2deg(seen.elevation_rad)), 6),
-        "azimuth_bin16": int(GRID_16.azimuth_bins(seen.azimuth_rad)),
-        "azimuth_bin8": int(GRID_8.azimuth_bins(seen.azimuth_rad)),
-        "elevation_bin": int(GRID_16.elevation_bins(seen.elevation_rad)),
-    }
+def _box(seen: SeenTarget) -> dict[str, Any]:
+    return box_entry(
+        seen.target.class_id,
+        seen.box_px,
+        seen.n_pixels,
+        is_ignored=seen.is_ignored,
+        instance=seen.target.instance_id,
+        visibility=round(seen.visibility, 4),
+        azimuth_deg=round(float(np.rad2deg(seen.azimuth_rad)), 6),
+        elevation_deg=round(float(np.rad2deg(seen.elevation_rad)), 6),
+        azimuth_bin16=int(GRID_16.azimuth_bins(seen.azimuth_rad)),
+        azimuth_bin8=int(GRID_8.azimuth_bins(seen.azimuth_rad)),
+        elevation_bin=int(GRID_16.elevation_bins(seen.elevation_rad)),
+    )
 
 
 def write_camera(path: Path, camera: PinholeCamera) -> None:

@@ -6,8 +6,9 @@ from typing import Literal
 
 import numpy as np
 
+from imodbatch.core.symmetry import Symmetry
 from imodbatch.errors import DataError
-from imodbatch.simulation.mesh import ObjectModel, Surface, Symmetry, TexturedMesh
+from imodbatch.simulation.mesh import ObjectModel, Surface, TexturedMesh
 from imodbatch.simulation.models.atlas import make_atlas
 from imodbatch.simulation.models.gazebo import is_gazebo_model, read_gazebo_parts
 from imodbatch.simulation.models.normals import corner_normals, weld

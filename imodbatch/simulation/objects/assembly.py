@@ -9,7 +9,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.simulation.mesh import ObjectModel, Surface, Symmetry, TexturedMesh
+from imodbatch.core.symmetry import Symmetry
+from imodbatch.simulation.mesh import ObjectModel, Surface, TexturedMesh
 from imodbatch.simulation.objects.atlas import pack
 from imodbatch.simulation.objects.part import Array, Part
 

@@ -20,6 +20,7 @@ from scipy.io import savemat
 from imodbatch.atomic import replacing, write_text
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import quaternion_from_matrix
+from imodbatch.core.symmetry import Symmetry
 from imodbatch.simulation.analytic.sensor import to_millimetres
 from imodbatch.simulation.houses.files import write_annotations
 from imodbatch.simulation.houses.sequence import (
@@ -29,7 +30,6 @@ from imodbatch.simulation.houses.sequence import (
     SeenTarget,
 )
 from imodbatch.simulation.houses.world import House
-from imodbatch.simulation.mesh import Symmetry
 
 SCENES, TRUTH = "rgbd-scenes", "truth"
 LEAST_INSIDE = 0.5

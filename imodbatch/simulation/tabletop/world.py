@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imodbatch.core.symmetry import Symmetry
 from imodbatch.simulation.houses.floorplan import Placed
 from imodbatch.simulation.houses.world import House, make_house, random_of
-from imodbatch.simulation.mesh import ObjectModel, Symmetry
+from imodbatch.simulation.mesh import ObjectModel
 from imodbatch.simulation.variants import RGBD5, make_distractor, make_instance
 
 CLASSES: tuple[str, ...] = RGBD5

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from imodbatch.simulation.mesh import ObjectModel, Surface, Symmetry
+from imodbatch.core.symmetry import Symmetry
+from imodbatch.simulation.mesh import ObjectModel, Surface
 from imodbatch.simulation.objects.assembly import assemble
 from imodbatch.simulation.objects.curves import Outline, rounded_rectangle
 from imodbatch.simulation.objects.paint import Colour, noise, plain, shaded
