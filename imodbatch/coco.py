@@ -6,12 +6,22 @@ category.
 """
 
 import json
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import (
+    AliasChoices,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StrictInt,
+    StrictStr,
+    ValidationError,
+)
 
 from imodbatch.core.symmetry import Symmetry, parse_symmetry
 from imodbatch.errors import DataError, one_line
@@ -19,134 +29,91 @@ from imodbatch.errors import DataError, one_line
 JsonId = int | str
 
 
-@dataclass(frozen=True)
-class CocoImage:
-    """An entry of "images"; its size is None or 0 where the file does not say it."""
+def _text(value: Any) -> str | None:
+    return None if value is None else str(value)
+
+
+Id = Annotated[StrictInt | StrictStr, Field(description="a whole number or a string")]
+Number = Annotated[float, Field(strict=True, description="a number")]
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Box = Annotated[
+    tuple[Finite, Finite, Finite, Finite],
+    Field(description="four finite numbers: x, y, w, h in px"),
+]
+Flag = Annotated[Literal[0, 1] | None, Field(description="0 or 1")]
+Degrees = Annotated[Finite | None, Field(description="degrees, or take it out")]
+Text = Annotated[str, BeforeValidator(_text)]
+Turns = Annotated[
+    Symmetry | None,
+    BeforeValidator(lambda value: None if value is None else parse_symmetry(value)),
+    Field(description='"none", "full", or how often it looks the same in a turn'),
+]
+
+
+class Entry(BaseModel):
+    """An object in a list of a COCO file; `where` is file and entry, for errors.
+
+    The description of a field says what was expected where something else stands.
+    """
+
+    model_config = ConfigDict(frozen=True)
 
     where: str
-    file_name: str
-    width_px: Any
-    height_px: Any
 
 
-@dataclass(frozen=True)
-class CocoCategory:
+class CocoImage(Entry):
+    """An entry of "images"; its size is None or 0 where the file does not say it."""
+
+    id: Id
+    file_name: Text
+    width: Any = None
+    height: Any = None
+
+
+class CocoCategory(Entry):
     """An entry of "categories"; a symmetry of None = not said."""
 
-    name: str
-    symmetry: Symmetry | None
+    id: Id
+    name: Text
+    symmetry: Turns = None
 
 
-@dataclass(frozen=True)
-class CocoBox:
+class CocoResult(Entry):
+    """What a detector found: `bbox` is left, top, width, height in continuous pixels."""
+
+    image_id: Id
+    category_id: Id
+    bbox: Box
+    score: Number
+
+
+class CocoBox(Entry):
     """An entry of "annotations".
 
     Attributes:
-        where: file and entry, for errors.
         image_id: key of `CocoFile.images`.
         category_id: key of `CocoFile.categories`.
-        xywh: left, top, width, height in continuous pixels.
-        is_ignored: counts neither as found nor as missed.
-        is_crowd: one box around several objects.
+        bbox: left, top, width, height in continuous pixels.
+        ignore: 1 = counts neither as found nor as missed.
+        iscrowd: 1 = one box around several objects.
         instance_id: the physical object, None = unknown.
         azimuth_deg: of the camera in the object's own frame, None = unknown.
         elevation_deg: the same above the horizon.
     """
 
-    where: str
-    image_id: JsonId
-    category_id: JsonId
-    xywh: tuple[float, float, float, float]
-    is_ignored: bool
-    is_crowd: bool
-    instance_id: str | None
-    azimuth_deg: float | None
-    elevation_deg: float | None
+    image_id: Id
+    category_id: Id
+    bbox: Box
+    ignore: Flag = None
+    iscrowd: Flag = None
+    instance_id: Annotated[str | None, BeforeValidator(_text)] = Field(
+        None, validation_alias=AliasChoices("instance_id", "instance")
+    )
+    azimuth_deg: Degrees = None
+    elevation_deg: Degrees = None
 
 
-@dataclass(frozen=True)
-class Entry:
-    """An object in a list of a file, and what to call it in errors; all access is checked."""
-
-    where: str
-    values: dict[str, Any]
-
-    def value(self, key: str) -> Any:
-        """A value that the entry must have.
-
-        Raises:
-            DataError: it has none.
-        """
-        if self.values.get(key) is None:
-            raise DataError(f'{self.where} has no "{key}". Add it to the file.')
-        return self.values[key]
-
-    def id(self, key: str) -> JsonId:
-        """An id: an integer or a string.
-
-        Raises:
-            DataError: it is missing or something else.
-        """
-        return self._typed(key, (int, str), "a whole number or a string")
-
-    def number(self, key: str) -> float:
-        """A number, perhaps NaN or infinite.
-
-        Raises:
-            DataError: it is missing or no number.
-        """
-        return float(self._typed(key, (int, float), "a number"))
-
-    def _typed(self, key: str, types: tuple[type, ...], what: str) -> Any:
-        value = self.value(key)
-        if isinstance(value, bool) or not isinstance(value, types):
-            raise DataError(f'{self.where}: "{key}" is {value!r}. Expected {what}.')
-        return value
-
-    def xywh(self) -> tuple[float, float, float, float]:
-        """The `bbox`: left, top, width, height in continuous pixels.
-
-        Raises:
-            DataError: it is missing, or not four finite numbers.
-        """
-        values = self.value("bbox")
-        if isinstance(values, list) and len(values) == 4 and all(map(_is_finite, values)):
-            x, y, width, height = map(float, values)
-            return x, y, width, height
-        raise DataError(
-            f"{self.where}: bbox is {values!r}. Expected four finite numbers: x, y, w, h in px."
-        )
-
-    def flag(self, key: str) -> bool:
-        """A 0 or 1, False where it is missing.
-
-        Raises:
-            DataError: it is something else.
-        """
-        value = self.values.get(key, 0)
-        if value not in (0, 1, None):
-            raise DataError(f'{self.where}: "{key}" is {value!r}. Expected 0 or 1.')
-        return bool(value)
-
-    def angle_deg(self, key: str) -> float | None:
-        """Degrees, None where they are not given.
-
-        Raises:
-            DataError: they are no finite number.
-        """
-        if self.values.get(key) is None:
-            return None
-        angle_deg = self.number(key)
-        if not math.isfinite(angle_deg):
-            raise DataError(
-                f'{self.where}: "{key}" is {angle_deg}. Expected degrees, or take it out.'
-            )
-        return angle_deg
-
-
-def _is_finite(value: Any) -> bool:
-    # A chain of comparisons is false for NaN, and does not overflow for an integer of 400 digits.
-    return isinstance(value, int | float) and type(value) is not bool and -1e300 < value < 1e300
+E = TypeVar("E", bound=Entry)
 
 
 @dataclass(frozen=True)
@@ -180,11 +147,11 @@ class CocoFile:
         """Whether it is an object that holds something below a key."""
         return isinstance(self.content, dict) and bool(self.content.get(key))
 
-    def entries(self, key: str) -> list[Entry]:
+    def entries(self, key: str, kind: type[E]) -> list[E]:
         """The objects in the list below a key; of a file that is a bare list "entry" names that.
 
         Raises:
-            DataError: there is no such list, or an entry is no object.
+            DataError: there is no such list, or an entry is not of that kind.
         """
         content = {"entry": self.content} if isinstance(self.content, list) else self.content
         if not isinstance(content, dict) or key not in content:
@@ -193,10 +160,10 @@ class CocoFile:
             )
         if not isinstance(content[key], list):
             raise DataError(f'{self.path}: "{key}" is no list. Expected a COCO file.')
-        for number, values in enumerate(content[key]):
-            if not isinstance(values, dict):
-                raise DataError(f"{self.path}: {key}[{number}] is no object. Expected a COCO file.")
-        return [Entry(f"{self.path}: {key}[{i}]", values) for i, values in enumerate(content[key])]
+        return [
+            _checked(values, kind, f"{self.path}: {key}[{number}]")
+            for number, values in enumerate(content[key])
+        ]
 
     @cached_property
     def images(self) -> dict[JsonId, CocoImage]:
@@ -205,15 +172,7 @@ class CocoFile:
         Raises:
             DataError: no "images", a key is missing, an id stands twice.
         """
-        return {
-            image_id: CocoImage(
-                entry.where,
-                str(entry.value("file_name")),
-                entry.values.get("width"),
-                entry.values.get("height"),
-            )
-            for image_id, entry in self._by_id("images", "image").items()
-        }
+        return _by_id(self.entries("images", CocoImage), "image")
 
     @cached_property
     def categories(self) -> dict[JsonId, CocoCategory]:
@@ -223,21 +182,7 @@ class CocoFile:
             DataError: no "categories", a key is missing, an id stands twice, or a symmetry cannot
                 be meant.
         """
-        return {
-            category_id: CocoCategory(str(entry.value("name")), _symmetry(entry))
-            for category_id, entry in self._by_id("categories", "category").items()
-        }
-
-    def _by_id(self, key: str, what: str) -> dict[JsonId, Entry]:
-        found: dict[JsonId, Entry] = {}
-        for entry in self.entries(key):
-            identifier = entry.id("id")
-            if identifier in found:
-                raise DataError(
-                    f"{entry.where}: id {identifier!r} stands twice. Give each {what} its own."
-                )
-            found[identifier] = entry
-        return found
+        return _by_id(self.entries("categories", CocoCategory), "category")
 
     def boxes(self) -> Iterator[CocoBox]:
         """The annotations.
@@ -246,37 +191,40 @@ class CocoFile:
             DataError: no "annotations", a key is missing or cannot be meant, an id is not in
                 "images" or "categories".
         """
-        tables: dict[str, tuple[str, Mapping[JsonId, Any]]] = {
-            "image_id": ("images", self.images),
-            "category_id": ("categories", self.categories),
-        }
-        for entry in self.entries("annotations"):
-            xywh = entry.xywh()
-            for key, (table, known) in tables.items():
-                if entry.id(key) not in known:
-                    raise DataError(
-                        f'{entry.where}: {key} {entry.id(key)!r} is not in "{table}". Add it there.'
-                    )
-            instance = entry.values.get("instance_id", entry.values.get("instance"))
-            yield CocoBox(
-                entry.where,
-                entry.id("image_id"),
-                entry.id("category_id"),
-                xywh,
-                entry.flag("ignore"),
-                entry.flag("iscrowd"),
-                None if instance is None else str(instance),
-                entry.angle_deg("azimuth_deg"),
-                entry.angle_deg("elevation_deg"),
-            )
+        images, categories = self.images, self.categories
+        for box in self.entries("annotations", CocoBox):
+            if box.image_id not in images:
+                raise _unlisted(box.where, "image_id", box.image_id, "images")
+            if box.category_id not in categories:
+                raise _unlisted(box.where, "category_id", box.category_id, "categories")
+            yield box
 
 
-def _symmetry(entry: Entry) -> Symmetry | None:
-    value = entry.values.get("symmetry")
+def _checked(values: Any, kind: type[E], where: str) -> E:
+    if not isinstance(values, dict):
+        raise DataError(f"{where} is no object. Expected a COCO file.")
     try:
-        return None if value is None else parse_symmetry(value)
-    except ValueError as error:
-        raise DataError(f"{entry.where}: {error}.") from None
+        return kind.model_validate({**values, "where": where})
+    except ValidationError as error:
+        key = str(error.errors(include_url=False)[0]["loc"][0])
+    if values.get(key) is None:
+        raise DataError(f'{where} has no "{key}". Add it to the file.')
+    expected = kind.model_fields[key].description
+    raise DataError(f'{where}: "{key}" is {values[key]!r}. Expected {expected}.')
+
+
+def _by_id(entries: Iterable[Any], what: str) -> dict[JsonId, Any]:
+    found: dict[JsonId, Any] = {}
+    for entry in entries:
+        if found.setdefault(entry.id, entry) is not entry:
+            raise DataError(
+                f"{entry.where}: id {entry.id!r} stands twice. Give each {what} its own."
+            )
+    return found
+
+
+def _unlisted(where: str, key: str, identifier: JsonId, table: str) -> DataError:
+    return DataError(f'{where}: {key} {identifier!r} is not in "{table}". Add it there.')
 
 
 def image_entry(image_id: int, file_name: str, size_px: tuple[int, int]) -> dict[str, Any]:

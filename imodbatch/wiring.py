@@ -10,15 +10,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
 from imodbatch.context import Context
-from imodbatch.core.scoring import Candidates, Truth
 from imodbatch.datasets.annotations import annotation_files
 from imodbatch.datasets.detections import detection_files, read_detections
 from imodbatch.datasets.registry import annotated, camera_model, layout_of
+from imodbatch.engines.coco import coco_ap
 from imodbatch.engines.detector.card import Checkpoint, checkpoint_files, read_checkpoint
 from imodbatch.errors import ConfigError
 from imodbatch.manifest import SequenceSection
@@ -218,22 +216,10 @@ def _summarise(
         tables["detections"],
         tables["matches"],
         context.manifest.classes,
-        _coco_ap,
+        coco_ap,
         context.pipeline.matching,
         context.pipeline.metrics,
     )
-
-
-def _coco_ap(
-    candidates: Candidates, scores: NDArray[np.float64], truth: Truth, n_classes: int
-) -> NDArray[np.float64]:
-    from imodbatch.engines.coco import CocoAnnotations, CocoDetections, coco_ap
-
-    detections = CocoDetections(candidates.image, candidates.class_id, candidates.boxes, scores)
-    annotations = CocoAnnotations(
-        truth.image, truth.class_id, truth.boxes, truth.is_ignored, truth.is_crowd
-    )
-    return coco_ap(detections, annotations, n_classes)
 
 
 def _evidence(context: Context, tables: Tables) -> Evidence:

@@ -8,6 +8,7 @@ from imodbatch.core.trajectory import associate
 from imodbatch.datasets.base import NS_PER_MS, NS_PER_S, CameraModel, FrameFile, nanoseconds
 from imodbatch.datasets.layout import Layout, frame_file, registered
 from imodbatch.datasets.patterns import PathPattern
+from imodbatch.datasets.text import read_lines
 from imodbatch.errors import ConfigError, DataError
 from imodbatch.manifest import ImagesSection, Manifest, SequenceSection
 
@@ -58,11 +59,11 @@ def _timestamps(
         return list(_stamps_ns(color, base))
     if images.timestamps is not None:
         path = base / images.timestamps
+        lines = read_lines(path, "Give it a stamp in seconds per line, or check images.timestamps.")
         try:
-            text = path.read_text(encoding="utf-8")
-            lines = [t for line in text.splitlines() if (t := line.split("#")[0].strip())]
-            stamps = [nanoseconds(line.split()[0]) for line in lines]
-        except (OSError, ValueError) as error:
+            texts = [text for line in lines if (text := line.split("#")[0].strip())]
+            stamps = [nanoseconds(text.split()[0]) for text in texts]
+        except ValueError as error:
             raise DataError(f"{path}: expected a stamp in seconds per line ({error}).") from None
         if len(stamps) != len(numbered):
             raise DataError(

@@ -145,7 +145,7 @@ class FrameNames:
                     f"({file.images[first_id].file_name}, {image.file_name}). Leave one of them "
                     "out."
                 )
-            check_size(image.width_px, image.height_px, self._size_px, image.where)
+            check_size(image.width, image.height, self._size_px, image.where)
         return found
 
     def _is_elsewhere(self, name: str) -> bool:

@@ -15,6 +15,7 @@ from imodbatch.core.camera import PinholeCamera
 from imodbatch.datasets.base import CameraModel, FrameFile
 from imodbatch.datasets.layout import Layout, always, paired_frames
 from imodbatch.datasets.patterns import PathPattern
+from imodbatch.datasets.text import read_numbers
 from imodbatch.errors import DataError
 from imodbatch.images import UnreadableImageError, probe
 from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
@@ -110,17 +111,9 @@ def _refuse_if_apart(base: Path) -> None:
 
 def _read_matrix(path: Path, cure: str) -> NDArray[np.float64]:
     """A 4×4 matrix; its numbers may be infinite or none."""
-    try:
-        rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
-        matrix = np.array([row for row in rows if row], dtype=np.float64)
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file. {cure}") from None
-    except (OSError, ValueError) as error:
-        reason = str(error).splitlines()[0][:80]
-        raise DataError(f"{path}: expected a 4×4 matrix ({reason}). {cure}") from None
+    matrix = read_numbers(path, (4,), cure)
     if matrix.shape != (4, 4):
-        shape = "×".join(map(str, matrix.shape))
-        raise DataError(f"{path}: expected a 4×4 matrix, found {shape} numbers. {cure}")
+        raise DataError(f"{path}: expected a 4×4 matrix, found {len(matrix)}×4 numbers. {cure}")
     return matrix
 
 

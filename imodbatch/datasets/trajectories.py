@@ -17,6 +17,7 @@ from imodbatch.config import did_you_mean
 from imodbatch.core.frames import is_rigid, make_transform, matrix_from_quaternion
 from imodbatch.datasets.base import NS_PER_MS, NS_PER_S, FrameFile, Odometry, nanoseconds
 from imodbatch.datasets.patterns import PathPattern
+from imodbatch.datasets.text import number, read_lines, read_numbers, read_rows
 from imodbatch.errors import DataError
 from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
 
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 NO_STAMP = np.iinfo(np.int64).min // 2  # stands where a stamp is missing; its pose is NaN
 UW_COLUMNS = (7, 9)  # quaternion, place; the aligned scenes of v1 have two stamps before them
 CSV_COLUMNS = ("tx", "ty", "tz", "qw", "qx", "qy", "qz")
+CSV_KEYS = ("frame_index", "timestamp_ns", "timestamp_s")
+CHECK_FORMAT = "Check odometry.path and odometry.format."
 
 
 def trajectory_files(
@@ -100,10 +103,9 @@ def read_odometry(
     return Odometry(poses, stamps, numbers)
 
 
-def _read_kitti(path: Path, section: OdometrySection) -> Array:
+def _read_kitti(path: Path, _section: OdometrySection) -> Array:
     """The first three rows of a matrix per line."""
-    del section
-    rows = _read_numbers(path, (12,))
+    rows = read_numbers(path, (12,), CHECK_FORMAT)
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :] = rows.reshape(-1, 3, 4)
     return poses
@@ -111,71 +113,23 @@ def _read_kitti(path: Path, section: OdometrySection) -> Array:
 
 def _read_uw(path: Path, section: OdometrySection) -> Array:
     """Quaternion, then place, per line; two stamps may stand before them and are not needed."""
-    rows = _read_numbers(path, UW_COLUMNS)[:, -7:]
+    rows = read_numbers(path, UW_COLUMNS, CHECK_FORMAT)[:, -7:]
     return _from_quaternions(_scalar_first(rows[:, :4], section), rows[:, 4:])
 
 
 def _read_tum(path: Path, section: OdometrySection) -> tuple[Array, NDArray[np.int64]]:
     """Stamp, place, quaternion per line."""
-    rows = _read_numbers(path, (8,))
-    poses = _from_quaternions(_scalar_first(rows[:, 4:], section), rows[:, 1:4])
-    first_column = [(line, parts[0]) for line, parts in _read_fields(path, (8,))]
-    return poses, _stamps(first_column, NS_PER_S, path)
+    numbers = read_numbers(path, (8,), CHECK_FORMAT)
+    poses = _from_quaternions(_scalar_first(numbers[:, 4:], section), numbers[:, 1:4])
+    stamps = [(where, columns[0]) for where, columns in read_rows(path, CHECK_FORMAT)]
+    return poses, _stamps(stamps, NS_PER_S)
 
 
 def _read_matrix(path: Path) -> Array:
-    rows = _read_numbers(path, (4,))
+    rows = read_numbers(path, (4,), CHECK_FORMAT)
     if rows.shape not in ((4, 4), (3, 4)):
         raise DataError(f"{path}: expected a 4×4 or 3×4 matrix, found {rows.shape[0]} lines.")
     return np.vstack([rows, [0.0, 0.0, 0.0, 1.0]]) if len(rows) == 3 else rows
-
-
-def _read_numbers(path: Path, n_columns: tuple[int, ...]) -> Array:
-    """Lines of numbers: (lines, one of n_columns)."""
-    rows = [
-        [_number(part, path, line) for part in parts]
-        for line, parts in _read_fields(path, n_columns)
-    ]
-    return np.array(rows, dtype=np.float64).reshape(-1, len(rows[0]) if rows else n_columns[0])
-
-
-def _read_fields(path: Path, n_columns: tuple[int, ...]) -> list[tuple[int, list[str]]]:
-    """Line numbers and columns of a text file, comments (#) and blank lines left out.
-
-    Of several numbers of columns that are allowed, the first line says which the file has.
-    """
-    rows: list[tuple[int, list[str]]] = []
-    for number, line in enumerate(_lines(path), start=1):
-        text = line.split("#", 1)[0].replace(",", " ").strip()
-        if not text:
-            continue
-        parts = text.split()
-        allowed = (len(rows[0][1]),) if rows else n_columns
-        if len(parts) not in allowed:
-            raise DataError(
-                f"{path}, line {number}: expected {' or '.join(map(str, allowed))} numbers, "
-                f"found {len(parts)}. Check odometry.format."
-            )
-        rows.append((number, parts))
-    return rows
-
-
-def _number(text: str, path: Path, line: int) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise DataError(
-            f"{path}, line {line}: {text[:30]!r} is no number. Check odometry.format."
-        ) from None
-
-
-def _lines(path: Path) -> list[str]:
-    try:
-        return path.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such trajectory file. Check odometry.path.") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: cannot be read as text ({error}).") from None
 
 
 def _numbers_by_line(
@@ -203,50 +157,37 @@ def _read_csv(
     path: Path, section: OdometrySection
 ) -> tuple[Array, NDArray[np.int64] | None, NDArray[np.int64] | None]:
     """CSV with a header; `odometry.columns` maps our names to the file's."""
-    reader = csv.DictReader(_lines(path))
-    header = [name.strip() for name in reader.fieldnames or []]
-    reader.fieldnames = header
-
-    def column(name: str) -> str | None:
-        wanted = section.columns.get(name, name)
-        return wanted if wanted in header else None
-
+    reader = csv.DictReader(read_lines(path, "Check odometry.path."))
+    header = reader.fieldnames = [name.strip() for name in reader.fieldnames or []]
+    names = {n: section.columns.get(n, n) for n in (*CSV_COLUMNS, *CSV_KEYS)}
     for name in CSV_COLUMNS:
-        if column(name) is None:
-            wanted = section.columns.get(name, name)
+        if names[name] not in header:
             raise DataError(
-                f"{path}: no column {wanted!r}.{did_you_mean(wanted, header)} "
+                f"{path}: no column {names[name]!r}.{did_you_mean(names[name], header)} "
                 f'Name it in the manifest: odometry.columns = {{ {name} = "…" }}.'
             )
-    rows, lines = [], []
+    cells: dict[str, list[tuple[str, str]]] = {
+        n: [] for n, of_file in names.items() if of_file in header
+    }
     for row in reader:
+        where = f"{path}, line {reader.line_num}"
         if None in row or None in row.values():  # what csv puts for cells too many or too few
-            raise DataError(
-                f"{path}, line {reader.line_num}: expected the header's {len(header)} columns."
-            )
-        rows.append(row)
-        lines.append(reader.line_num)
-    texts = {
-        name: [row[of_file].strip() or "nan" for row in rows]
-        for name in (*CSV_COLUMNS, "frame_index", "timestamp_ns", "timestamp_s")
-        if (of_file := column(name)) is not None
-    }
+            raise DataError(f"{where}: expected the header's {len(header)} columns.")
+        for name, texts in cells.items():
+            texts.append((where, row[names[name]].strip() or "nan"))
     values = {
-        name: np.array(
-            [_number(t, path, line) for t, line in zip(column_texts, lines, strict=True)]
-        )
-        for name, column_texts in texts.items()
+        name: np.array([number(text, where, CHECK_FORMAT) for where, text in texts])
+        for name, texts in cells.items()
     }
-    quaternion = np.stack([values[n] for n in ("qw", "qx", "qy", "qz")], axis=-1)
-    poses = _from_quaternions(
-        quaternion, np.stack([values[n] for n in ("tx", "ty", "tz")], axis=-1)
+    place, quaternion = (
+        np.stack([values[n] for n in part], axis=-1) for part in (CSV_COLUMNS[:3], CSV_COLUMNS[3:])
     )
+    poses = _from_quaternions(quaternion, place)
     if "frame_index" in values:
-        return poses, None, _whole(values["frame_index"], path, lines)
+        return poses, None, _whole(values["frame_index"], cells["frame_index"])
     for name, unit_ns in (("timestamp_ns", 1), ("timestamp_s", NS_PER_S)):
-        if name in texts:
-            cells = list(zip(lines, texts[name], strict=True))
-            return poses, _stamps(cells, unit_ns, path), None
+        if name in cells:
+            return poses, _stamps(cells[name], unit_ns), None
     raise DataError(
         f"{path}: no column frame_index, timestamp_ns or timestamp_s. "
         'Name one in the manifest: odometry.columns = { timestamp_s = "…" }.'
@@ -267,24 +208,24 @@ def _from_quaternions(quaternion_wxyz: Array, translation: Array) -> Array:
     return poses
 
 
-def _stamps(cells: Sequence[tuple[int, str]], unit_ns: int, path: Path) -> NDArray[np.int64]:
-    """Nanoseconds of (line, text); a stamp that is not finite becomes `NO_STAMP`."""
+def _stamps(cells: Sequence[tuple[str, str]], unit_ns: int) -> NDArray[np.int64]:
+    """Nanoseconds of (where, text); a stamp that is not finite becomes `NO_STAMP`."""
     stamps = np.full(len(cells), NO_STAMP, dtype=np.int64)
-    for row, (line, text) in enumerate(cells):
-        if not math.isfinite(_number(text, path, line)):
+    for row, (where, text) in enumerate(cells):
+        if not math.isfinite(number(text, where, CHECK_FORMAT)):
             continue
         try:
             stamps[row] = nanoseconds(text, unit_ns)
         except ValueError as error:
-            raise DataError(f"{path}, line {line}: {error}. Check the file's unit.") from None
+            raise DataError(f"{where}: {error}. Check the file's unit.") from None
     return stamps
 
 
-def _whole(values: Array, path: Path, lines: Sequence[int]) -> NDArray[np.int64]:
+def _whole(values: Array, cells: Sequence[tuple[str, str]]) -> NDArray[np.int64]:
     """Frame numbers as integers."""
-    for value, line in zip(values.tolist(), lines, strict=True):
+    for value, (where, _) in zip(values.tolist(), cells, strict=True):
         if not value.is_integer():
-            raise DataError(f"{path}, line {line}: {value:g} is no frame number.")
+            raise DataError(f"{where}: {value:g} is no frame number.")
     return values.astype(np.int64)
 
 

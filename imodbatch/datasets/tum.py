@@ -20,6 +20,7 @@ from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.trajectory import associate
 from imodbatch.datasets.base import NS_PER_MS, CameraModel, FrameFile, nanoseconds
 from imodbatch.datasets.layout import Layout, always, registered
+from imodbatch.datasets.text import read_rows
 from imodbatch.errors import DataError
 from imodbatch.manifest import ImagesSection, Manifest, OdometrySection, SequenceSection
 
@@ -80,35 +81,26 @@ def _lists(manifest: Manifest, sequence: SequenceSection) -> list[Path]:
 
 def _read_list(path: Path) -> Listed:
     """Moments in nanoseconds and paths below the sequence's folder, in the order of the file."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError:
-        raise DataError(
-            f"{path}: no such file. A sequence of TUM RGB-D has {COLOR_LIST} and {DEPTH_LIST}, "
-            "empty where there are no such images. Check root and sequences.path."
-        ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: cannot be read as text ({error}).") from None
+    cure = (
+        f"A sequence of TUM RGB-D has {COLOR_LIST} and {DEPTH_LIST}, empty where there are no such "
+        "images. Check root and sequences.path."
+    )
     rows: Listed = []
-    for number, line in enumerate(lines, start=1):
-        parts = line.split("#", 1)[0].replace(",", " ").split()
-        if not parts:
-            continue
-        if len(parts) != 2:
+    for where, columns in read_rows(path, cure):
+        if len(columns) != 2:
             raise DataError(
-                f"{path}, line {number}: expected a stamp in seconds and a path, found "
-                f"{len(parts)} columns. Correct the line."
-            )
-        if parts[1].startswith("/"):
-            raise DataError(
-                f"{path}, line {number}: {parts[1]!r} is no path from the sequence's folder. "
+                f"{where}: expected a stamp in seconds and a path, found {len(columns)} columns. "
                 "Correct the line."
             )
+        if columns[1].startswith("/"):
+            raise DataError(
+                f"{where}: {columns[1]!r} is no path from the sequence's folder. Correct the line."
+            )
         try:
-            rows.append((nanoseconds(parts[0]), parts[1]))
+            rows.append((nanoseconds(columns[0]), columns[1]))
         except ValueError as error:
             raise DataError(
-                f"{path}, line {number}: {error}. Expected a stamp in seconds, then a path."
+                f"{where}: {error}. Expected a stamp in seconds, then a path."
             ) from None
     return rows
 

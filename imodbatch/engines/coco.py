@@ -7,11 +7,12 @@ outside the evaluated range, which has the effect meant. It takes an annotation 
 0 for "unmatched", so numbers start at 1. It counts at most 100 detections per image unless told.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from imodbatch.core.scoring import Candidates, Truth
 
 AnyArray = npt.NDArray[Any]
 
@@ -19,44 +20,8 @@ _COUNTED_AREA, _IGNORED_AREA = 1.0, -1.0
 _AREA_RANGE = [0.0, float("inf")]
 
 
-@dataclass(frozen=True, eq=False)
-class CocoDetections:
-    """Detections of all images as parallel arrays.
-
-    Attributes:
-        image_ids: (D,) integers.
-        class_ids: (D,) integers in 0..K-1.
-        boxes: (D, 4) x0 y0 x1 y1 in continuous pixels.
-        scores: (D,) any real values; only their order matters.
-    """
-
-    image_ids: AnyArray
-    class_ids: AnyArray
-    boxes: AnyArray
-    scores: AnyArray
-
-
-@dataclass(frozen=True, eq=False)
-class CocoAnnotations:
-    """Annotations of all images as parallel arrays.
-
-    Attributes:
-        image_ids: (A,) integers.
-        class_ids: (A,) integers in 0..K-1.
-        boxes: (A, 4) x0 y0 x1 y1 in continuous pixels.
-        is_ignored: (A,) bool, annotations that count neither way; each absorbs one detection.
-        is_crowd: (A,) bool, regions of many objects; always ignored too, absorb any number.
-    """
-
-    image_ids: AnyArray
-    class_ids: AnyArray
-    boxes: AnyArray
-    is_ignored: AnyArray
-    is_crowd: AnyArray
-
-
 def coco_ap(
-    detections: CocoDetections, annotations: CocoAnnotations, n_classes: int
+    candidates: Candidates, scores: AnyArray, truth: Truth, n_classes: int
 ) -> npt.NDArray[np.float64]:
     """AP@[.5:.95] of each class (COCO API, ``cocoeval.py``), all areas, no limit on detections.
 
@@ -65,8 +30,9 @@ def coco_ap(
     the numbers are COCO's own. Equal scores are ordered by image id, then by position.
 
     Args:
-        detections: D detections.
-        annotations: A annotations.
+        candidates: D detections; their boxes are in continuous pixels.
+        scores: (D,) any real values; only their order matters.
+        truth: A annotations; an ignored one absorbs one detection, a crowd any number.
         n_classes: Number K of classes.
 
     Returns:
@@ -76,15 +42,11 @@ def coco_ap(
     Raises:
         ValueError: If parallel arrays differ in length or a class id is not in 0..K-1.
     """
-    _check("detections", detections, n_classes)
-    _check("annotations", annotations, n_classes)
-    counts = ~(
-        np.asarray(annotations.is_ignored, dtype=np.bool_)
-        | np.asarray(annotations.is_crowd, dtype=np.bool_)
-    )
+    _check("detections", candidates.class_id, {**vars(candidates), "scores": scores}, n_classes)
+    _check("annotations", truth.class_id, vars(truth), n_classes)
     values = np.full(n_classes, np.nan)
-    for class_id in np.unique(np.asarray(annotations.class_ids)[counts]):
-        values[class_id] = _class_ap(*_records(detections, annotations, class_id))
+    for class_id in np.flatnonzero(truth.counted(n_classes)).tolist():
+        values[class_id] = _class_ap(*_records(candidates, scores, truth, class_id))
     return values
 
 
@@ -125,25 +87,17 @@ def _dataset(records: list[dict[str, Any]], others: list[dict[str, Any]]) -> Any
 
 
 def _records(
-    detections: CocoDetections, annotations: CocoAnnotations, class_id: int
+    candidates: Candidates, scores: AnyArray, truth: Truth, class_id: int
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """The detections and annotations of one class as the library wants them."""
-    found = np.flatnonzero(np.asarray(detections.class_ids) == class_id)
-    detection_records = _boxes_as_records(detections.image_ids, detections.boxes, found)
-    for record, score in zip(
-        detection_records, np.asarray(detections.scores)[found].tolist(), strict=True
-    ):
+    found, wanted = (np.flatnonzero(rows.class_id == class_id) for rows in (candidates, truth))
+    detection_records = _boxes_as_records(candidates.image, candidates.boxes, found)
+    for record, score in zip(detection_records, scores[found].tolist(), strict=True):
         record["score"] = score
-    wanted = np.flatnonzero(np.asarray(annotations.class_ids) == class_id)
-    annotation_records = _boxes_as_records(annotations.image_ids, annotations.boxes, wanted)
-    for record, is_ignored, is_crowd in zip(
-        annotation_records,
-        np.asarray(annotations.is_ignored)[wanted].tolist(),
-        np.asarray(annotations.is_crowd)[wanted].tolist(),
-        strict=True,
-    ):
-        record["iscrowd"] = int(is_crowd)
-        record["area"] = _IGNORED_AREA if is_ignored else _COUNTED_AREA
+    annotation_records = _boxes_as_records(truth.image, truth.boxes, wanted)
+    for record, row in zip(annotation_records, wanted, strict=True):
+        record["iscrowd"] = int(truth.is_crowd[row])
+        record["area"] = _IGNORED_AREA if truth.is_ignored[row] else _COUNTED_AREA
     return detection_records, annotation_records
 
 
@@ -154,21 +108,20 @@ def _boxes_as_records(image_ids: AnyArray, boxes: AnyArray, rows: AnyArray) -> l
     return [
         {"id": number, "image_id": image_id, "category_id": 1, "bbox": bbox, "area": _COUNTED_AREA}
         for number, (image_id, bbox) in enumerate(
-            zip(np.asarray(image_ids)[rows].tolist(), extents.tolist(), strict=True), start=1
+            zip(image_ids[rows].tolist(), extents.tolist(), strict=True), start=1
         )
     ]
 
 
-def _check(name: str, arrays: CocoDetections | CocoAnnotations, n_classes: int) -> None:
+def _check(name: str, class_id: AnyArray, arrays: dict[str, AnyArray], n_classes: int) -> None:
     """Raise a ValueError unless the arrays are parallel and the class ids known."""
-    lengths = {field: len(values) for field, values in vars(arrays).items()}
+    lengths = {field: len(values) for field, values in arrays.items()}
     if len(set(lengths.values())) != 1:
         raise ValueError(f"{name}: expected arrays of one length, found {lengths}")
-    class_ids = np.asarray(arrays.class_ids)
-    if np.any((class_ids < 0) | (class_ids >= n_classes)):
+    if np.any((class_id < 0) | (class_id >= n_classes)):
         raise ValueError(
             f"{name}: expected class ids in 0..{n_classes - 1}, "
-            f"found {class_ids.min()}..{class_ids.max()}"
+            f"found {class_id.min()}..{class_id.max()}"
         )
 
 

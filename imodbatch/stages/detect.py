@@ -6,8 +6,7 @@ carries the list of classes for which it did.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from imodbatch.config import DetectConfig
 from imodbatch.core.boxes import nms_per_category
+from imodbatch.core.detections import Detections
 from imodbatch.datasets.detections import ImportedDetections
 from imodbatch.images import UnreadableImageError
 from imodbatch.schemas import DETECTIONS
@@ -25,28 +25,10 @@ Grid = tuple[int, int]
 """Elevations and azimuths."""
 
 
-class Boxes(Protocol):
-    """What a detector says of one image."""
-
-    boxes: NDArray[np.float32]
-    scores: NDArray[np.float32]
-    background: NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class FrameBoxes:
-    """The boxes of one frame: (R, 4), view scores (R, K·M·N), background (R,)."""
-
-    frame_index: int
-    boxes: NDArray[np.float64]
-    view_scores: NDArray[np.float32]
-    background: NDArray[np.float32]
-
-
 def run_detector(
     frames: pa.Table,
     read_color: Callable[[str], NDArray[np.uint8]],
-    detector: Callable[[list[NDArray[np.uint8]]], Sequence[Boxes]],
+    detector: Callable[[list[NDArray[np.uint8]]], Sequence[Detections]],
     n_classes: int,
     grid: Grid,
     config: DetectConfig,
@@ -68,7 +50,7 @@ def run_detector(
     """
     warnings: list[str] = []
 
-    def found() -> Iterable[FrameBoxes]:
+    def found() -> Iterable[tuple[int, Detections]]:
         numbers, paths = column(frames, "frame_index"), frames["color_path"].to_pylist()
         starts = range(0, len(numbers), config.batch_size)
         for start in progress(starts):
@@ -85,9 +67,7 @@ def run_detector(
             if not images:
                 continue
             results = detector([image for _, image in images])
-            for (number, _), result in zip(images, results, strict=True):
-                boxes = np.asarray(result.boxes, dtype=np.float64)
-                yield FrameBoxes(number, boxes, result.scores, result.background)
+            yield from zip([number for number, _ in images], results, strict=True)
 
     result = _keep(frames["sequence_id"][0].as_py(), found(), n_classes, grid, config, {})
     if not warnings:
@@ -107,22 +87,14 @@ def run_imported(
     order = np.argsort(imported.frame_index, kind="stable")
     numbers, starts = np.unique(imported.frame_index[order], return_index=True)
     groups = np.split(order, starts[1:]) if len(numbers) else []
-    found = (
-        FrameBoxes(
-            int(number),
-            imported.boxes[rows],
-            imported.view_scores[rows],
-            imported.background[rows],
-        )
-        for number, rows in zip(numbers, groups, strict=True)
-    )
+    found = ((int(n), imported.take(rows)) for n, rows in zip(numbers, groups, strict=True))
     left_out = {f"left out ({why})": n for why, n in imported.left_out.items()}
     return _keep(sequence_id, found, n_classes, grid, config, left_out)
 
 
 def _keep(
     sequence_id: str,
-    found: Iterable[FrameBoxes],
+    found: Iterable[tuple[int, Detections]],
     n_classes: int,
     grid: Grid,
     config: DetectConfig,
@@ -131,28 +103,28 @@ def _keep(
     """Threshold, NMS per class, the best `max_per_frame` boxes; count what each step drops."""
     columns: dict[str, list[Any]] = {name: [] for name in DETECTIONS.schema.names}
     n_found, n_low, n_suppressed, n_surplus, n_views = 0, 0, 0, 0, 1
-    for frame in found:
-        n_views = frame.view_scores.shape[1] // n_classes
-        shape = (len(frame.boxes), n_classes, n_views)
-        scores = frame.view_scores.reshape(shape).sum(axis=-1, dtype=np.float32)
-        survives = nms_per_category(frame.boxes, scores, config.score_threshold, config.nms_iou)
+    for frame_index, every in found:
+        boxes = every.boxes.astype(np.float64)
+        n_views = every.scores.shape[1] // n_classes
+        scores = every.scores.reshape(len(boxes), n_classes, n_views).sum(axis=-1, dtype=np.float32)
+        survives = nms_per_category(boxes, scores, config.score_threshold, config.nms_iou)
         kept = np.flatnonzero(survives.any(axis=1))
         best = np.where(survives, scores, -1.0).max(axis=1, initial=-1.0)
         kept = kept[np.argsort(-best[kept], kind="stable")]
         is_low = (scores < config.score_threshold).all(axis=1)
-        n_found += len(frame.boxes)
+        n_found += len(boxes)
         n_low += int(is_low.sum())
-        n_suppressed += len(frame.boxes) - len(kept) - int(is_low.sum())
+        n_suppressed += len(boxes) - len(kept) - int(is_low.sum())
         n_surplus += max(len(kept) - config.max_per_frame, 0)
         kept = kept[: config.max_per_frame]
         columns["sequence_id"] += [sequence_id] * len(kept)
-        columns["frame_index"] += [frame.frame_index] * len(kept)
+        columns["frame_index"] += [frame_index] * len(kept)
         columns["detection_index"] += range(len(kept))
         for i, name in enumerate(("x0_px", "y0_px", "x1_px", "y1_px")):
-            columns[name] += frame.boxes[kept, i].tolist()
-        columns["background_score"] += frame.background[kept].tolist()
+            columns[name] += boxes[kept, i].tolist()
+        columns["background_score"] += every.background[kept].tolist()
         columns["class_ids"] += [np.flatnonzero(row).astype(np.int16) for row in survives[kept]]
-        columns["view_scores"] += list(frame.view_scores[kept].astype(np.float32))
+        columns["view_scores"] += list(every.scores[kept].astype(np.float32))
     table = from_columns(DETECTIONS, columns)
     counts = {
         "kept": table.num_rows,

@@ -115,17 +115,17 @@ def test_a_coco_score_becomes_the_entry_of_its_class(tmp_path, key):
     found = read(manifest(tmp_path, rename={"Bowl": "bowl"}, **keys))
     assert found.frame_index.tolist() == [2, 0]
     assert found.boxes.tolist() == [[10, 20, 40, 60], [50, 40, WIDTH, HEIGHT]]
-    assert found.view_scores.tolist() == [[0.25, 0], [0, 1]]
+    assert found.scores.tolist() == [[0.25, 0], [0, 1]]
     assert found.background.tolist() == [0.75, 0]
     assert found.left_out == Counter()
-    types = [a.dtype for a in (found.frame_index, found.boxes, found.view_scores, found.background)]
+    types = [a.dtype for a in (found.frame_index, found.boxes, found.scores, found.background)]
     assert types == [np.int64, np.float64, np.float32, np.float32]
 
 
 def test_other_classes_are_counted_and_several_names_may_become_one(tmp_path):
     keys = write_results(tmp_path, result(0, 1), result(0, 2), result(1, 3))
     found = read(manifest(tmp_path, rename={"Bowl": "mug"}, **keys))
-    assert (found.view_scores > 0).tolist() == [[True, False], [True, False]]
+    assert (found.scores > 0).tolist() == [[True, False], [True, False]]
     assert found.left_out == {"other classes": 1}
 
 
@@ -175,7 +175,7 @@ def test_no_results_give_no_detections(tmp_path):
     for content in ([], {"categories": CATEGORIES, "detections": []}):
         write_json(tmp_path / "found.json", content)
         found = read(manifest(tmp_path, format="coco", path="found.json"))
-        shapes = [a.shape for a in (found.frame_index, found.boxes, found.view_scores)]
+        shapes = [a.shape for a in (found.frame_index, found.boxes, found.scores)]
         assert shapes == [(0,), (0, 4), (0, 2)]
         assert found.left_out == Counter()
 
@@ -340,7 +340,7 @@ def test_csv_with_class_names(tmp_path):
     found = read(manifest(tmp_path, rename={"Bowl": "bowl"}, **keys))
     assert found.frame_index.tolist() == [1, 0]
     assert found.boxes.tolist() == [[10, 20, 30.5, 40], [1, 2, 3, 4]]
-    assert found.view_scores.tolist() == [[0.25, 0], [0, 1]]
+    assert found.scores.tolist() == [[0.25, 0], [0, 1]]
     assert found.background.tolist() == [0.75, 0]
     assert found.left_out == {"other classes": 2}
 
@@ -380,7 +380,7 @@ def test_csv_with_score_vectors(tmp_path):
     header = (*COLUMNS, "view_score_1", "view_score_0")
     keys = write_csv(tmp_path, header, (0, 1, 2, 3, 4, 0.5, 0.125))
     found = read(manifest(tmp_path, **keys))
-    assert found.view_scores.tolist() == [[0.125, 0.5]]
+    assert found.scores.tolist() == [[0.125, 0.5]]
     assert found.background.tolist() == [0.375]
 
 
@@ -395,15 +395,15 @@ def test_parquet_with_score_vectors_in_c_order(tmp_path, kind, is_fixed):
     keys = write_parquet(tmp_path, one_row(view_scores=pa.array([list(flat)], dtype)))
     split = manifest(tmp_path, n_azimuths=4, elevations_deg=[10.0, 30.0, 50.0], **keys)
     found = read(split, grid=(3, 4))
-    assert found.view_scores.dtype == np.float32
-    np.testing.assert_array_equal(found.view_scores.reshape(2, 3, 4), scores)
+    assert found.scores.dtype == np.float32
+    np.testing.assert_array_equal(found.scores.reshape(2, 3, 4), scores)
     assert found.background.tolist() == [0.25]
 
 
 def test_parquet_vectors_of_classes_alone_fit_any_pipeline(tmp_path):
     keys = write_parquet(tmp_path, one_row(view_scores=[[0.25, 0.5]], background_score=[0.125]))
     found = read(manifest(tmp_path, **keys), grid=(5, 7))
-    assert found.view_scores.tolist() == [[0.25, 0.5]]
+    assert found.scores.tolist() == [[0.25, 0.5]]
     assert found.background.tolist() == [0.125]
 
 
@@ -422,7 +422,7 @@ def test_a_table_without_rows_gives_no_detections(tmp_path, form):
             tmp_path, {**empty, "view_scores": pa.array([], pa.list_(pa.float32()))}
         )
     found = read(manifest(tmp_path, **keys))
-    assert (found.boxes.shape, found.view_scores.shape) == ((0, 4), (0, 2))
+    assert (found.boxes.shape, found.scores.shape) == ((0, 4), (0, 2))
     assert found.left_out == Counter()
 
 
@@ -559,5 +559,5 @@ def test_the_real_red_kitchen():
     found = read_detections(split, section, frames, 640, 480, GRID)
     assert len(found.boxes) == 350
     assert found.left_out == {"other classes": 17_650}
-    assert found.view_scores.shape == (350, 1)
-    np.testing.assert_allclose(found.view_scores[:, 0] + found.background, 1.0, atol=1e-6)
+    assert found.scores.shape == (350, 1)
+    np.testing.assert_allclose(found.scores[:, 0] + found.background, 1.0, atol=1e-6)

@@ -238,7 +238,7 @@ def test_frames_and_poses(room):
     assert adapter.reference_files(manifest, section) == [room / "pc" / "01.pose"]
     (room / "pc" / "01.pose").unlink()
     assert adapter.reference(manifest, section) is None
-    fault(lambda: adapter.odometry(manifest, section), "01.pose", "no such trajectory")
+    fault(lambda: adapter.odometry(manifest, section), "01.pose", "no such file")
 
 
 def test_the_camera_is_that_of_the_first_release():

@@ -248,7 +248,7 @@ def test_both_endings_side_by_side(project, cli):
 def test_missing_trajectories_and_stamps_are_one_line(project, cli):
     call(cli, project, "index")
     (project / "data" / "walk" / "odometry.txt").unlink()
-    assert "no such trajectory file" in error(cli, project, "poses")
+    assert "no such file" in error(cli, project, "poses")
     (project / "data" / "walk" / "odometry.txt").write_text("0 0 0\n")
     assert "line 1: expected 8 numbers, found 3" in error(cli, project, "poses")
     (project / "data" / "walk" / "odometry.txt").write_text(f"0 0 0 0 {LOOK}\n")

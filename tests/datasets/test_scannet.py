@@ -181,14 +181,14 @@ def test_no_poses_no_reference(tmp_path):
     ("text", "mention"),
     [
         (None, "no such file"),
-        ("", "expected a 4×4 matrix"),
+        ("", "expected a 4×4 matrix, found 0×4"),
         ("130 0 71.5 0\n0 131 53.5 0\n0 0 1 0\n", "found 3×4 numbers"),
-        ("130 0 71.5 0\n0 131 53.5 0\n0 0 1 0\n0 0 0\n", "expected a 4×4 matrix"),
-        ("130 0 71.5 0\n0 131 53,5 0\n0 0 1 0\n0 0 0 1\n", "expected a 4×4 matrix"),
+        ("130 0 71.5 0\n0 131 53.5 0\n0 0 1 0\n0 0 0\n", "line 4: expected 4 numbers, found 3"),
+        ("130 0 71.5 0\n0 131 53,5 0\n0 0 1 0\n0 0 0 1\n", "line 2: expected 4 numbers, found 5"),
         ("nan 0 71.5 0\n0 131 53.5 0\n0 0 1 0\n0 0 0 1\n", "found fx nan"),
         ("-130 0 71.5 0\n0 131 53.5 0\n0 0 1 0\n0 0 0 1\n", "found fx -130"),
         ("130 0 inf 0\n0 131 53.5 0\n0 0 1 0\n0 0 0 1\n", "cx inf"),
-        (b"\xff\xfe\x00", "expected a 4×4 matrix"),
+        (b"\xff\xfe\x00", "cannot be read as text"),
     ],
 )
 def test_damaged_intrinsics(project, cli, kind, text, mention):

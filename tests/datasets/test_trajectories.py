@@ -178,7 +178,7 @@ def test_empty_files(tmp_path):
 @pytest.mark.parametrize("form", ["tum", "kitti", "csv"])
 def test_missing_files(tmp_path, form):
     section = {"format": form, "path": "nowhere.txt"}
-    fault(lambda: read(tmp_path, section), "nowhere.txt: no such trajectory", "odometry.path")
+    fault(lambda: read(tmp_path, section), "nowhere.txt: no such file", "odometry.path")
 
 
 def test_files_that_are_no_text(tmp_path):

@@ -299,7 +299,7 @@ def test_poses_of_another_time_are_one_line(project, cli):
     path.write_text("100.0 0 0 0\n")
     assert "groundtruth.txt, line 1: expected 8 numbers, found 4" in error(cli, project, "poses")
     path.unlink()
-    assert "no such trajectory file" in error(cli, project, "poses")
+    assert "no such file" in error(cli, project, "poses")
 
 
 def test_shipped_manifest_names_the_series(monkeypatch):

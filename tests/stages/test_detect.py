@@ -255,10 +255,10 @@ def test_a_detector_that_forgets_an_image_is_noticed():
 def imported(frame_index, boxes, scores, **left_out):
     scores = np.array(scores, dtype=np.float32).reshape(len(boxes), -1)
     return ImportedDetections(
-        np.array(frame_index, dtype=np.int64),
         np.array(boxes, dtype=np.float64).reshape(-1, 4),
         scores,
         (1 - scores.sum(axis=1)).astype(np.float32),
+        np.array(frame_index, dtype=np.int64),
         Counter(left_out),
     )
 
@@ -279,7 +279,7 @@ def test_no_imported_boxes_at_all():
     none = nothing()
     numbers = np.zeros(0, dtype=np.int64)
     left_out = Counter({"other": 2})
-    given = ImportedDetections(numbers, none.boxes, none.scores, none.background, left_out)
+    given = ImportedDetections(none.boxes, none.scores, none.background, numbers, left_out)
     result = detect.run_imported("s", given, 2, GRID, DetectConfig())
     assert result.tables["detections"].num_rows == 0
     assert result.summary == "2 boxes = 2 left out (other)"

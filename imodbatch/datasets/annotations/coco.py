@@ -20,7 +20,7 @@ def read_entries(footage: Footage) -> Iterator[Entry]:
     names = FrameNames(footage, KEY, footage.manifest.annotations.path or "")
     frame_of = names.frames_of_images(file)
     for box in file.boxes():
-        x, y, width, height = box.xywh
+        x, y, width, height = box.bbox
         category = file.categories[box.category_id]
         azimuth_deg, symmetry = box.azimuth_deg, category.symmetry
         yield Entry(
@@ -28,8 +28,8 @@ def read_entries(footage: Footage) -> Iterator[Entry]:
             frame_of[box.image_id],
             category.name,
             (x, y, x + width, y + height),
-            is_ignored=box.is_ignored,
-            is_crowd=box.is_crowd,
+            is_ignored=bool(box.ignore),
+            is_crowd=bool(box.iscrowd),
             instance_id=box.instance_id,
             own_azimuth_rad=None if azimuth_deg is None else math.radians(azimuth_deg % 360.0),
             symmetry=None if symmetry is None else str(symmetry),

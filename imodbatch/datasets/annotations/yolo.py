@@ -15,6 +15,7 @@ from imodbatch.datasets.annotations.per_image import (
     label_folder,
 )
 from imodbatch.datasets.base import Footage
+from imodbatch.datasets.text import read_lines
 from imodbatch.errors import ConfigError, DataError
 from imodbatch.manifest import Manifest, SequenceSection
 
@@ -58,7 +59,7 @@ def read_entries(footage: Footage) -> Iterator[Entry]:
 def _entries(
     path: Path, index: int | None, names: Sequence[str], width_px: int, height_px: int
 ) -> Iterator[Entry]:
-    for number, line in enumerate(_lines(path), start=1):
+    for number, line in enumerate(read_lines(path, "Write it again."), start=1):
         where = f"{path}: line {number}"
         fields = line.split()
         if not fields:
@@ -99,7 +100,7 @@ def _names(manifest: Manifest, sequence: SequenceSection) -> Sequence[str]:
             f"{label_folder(manifest, sequence)} mean. Set annotations.names = [...], or put a "
             f"{CLASSES_FILE} there with a name per line."
         )
-    return [line.strip() for line in _lines(path) if line.strip()]
+    return [line.strip() for line in read_lines(path, "Write it again.") if line.strip()]
 
 
 def _classes_file(manifest: Manifest, sequence: SequenceSection) -> Path | None:
@@ -109,10 +110,3 @@ def _classes_file(manifest: Manifest, sequence: SequenceSection) -> Path | None:
     if folder != manifest.root_path:
         places.insert(1, folder.parent / CLASSES_FILE)
     return next((path for path in places if path.is_file()), None)
-
-
-def _lines(path: Path) -> list[str]:
-    try:
-        return path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: cannot be read as text ({error}). Write it again.") from None

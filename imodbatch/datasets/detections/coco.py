@@ -11,9 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from imodbatch.coco import CocoFile, Entry, JsonId
+from imodbatch.coco import CocoFile, CocoResult, JsonId
 from imodbatch.datasets.base import Footage
-from imodbatch.datasets.detections.found import KEY, Found, of_classes, refuse_shared_numbers
+from imodbatch.datasets.detections.found import (
+    KEY,
+    Found,
+    asked_for,
+    of_classes,
+    refuse_shared_numbers,
+)
 from imodbatch.datasets.names import (
     UNKNOWN_FRAMES,
     ClassNames,
@@ -87,7 +93,7 @@ def read_found(footage: Footage, section: DetectionsSection) -> Found:
     known: dict[JsonId, Place] = {}
     image_ids, class_ids = [], []
     for number, result in enumerate(results):
-        image_id, category_id = result.id("image_id"), result.id("category_id")
+        image_id, category_id = result.image_id, result.category_id
         if image_id not in known:
             known[image_id] = place_of(image_id, result.where)
         if category_id not in class_of:
@@ -97,16 +103,16 @@ def read_found(footage: Footage, section: DetectionsSection) -> Found:
             )
         image_ids.append(image_id)
         class_ids.append(class_of[category_id])
-        x, y, width, height = result.xywh()
+        x, y, width, height = result.bbox
         boxes[number] = x, y, x + width, y + height
-        scores[number] = result.number("score")
+        scores[number] = result.score
 
     def entry(number: int) -> str:
         return f"{key}[{number}]"
 
-    places = [known[image_id] for image_id in image_ids]
-    scored = of_classes(own.path, entry, places, class_ids, scores, len(manifest.classes))
-    return Found(own.path, entry, image_ids, boxes, BACKWARDS, *scored)
+    found = of_classes(own.path, entry, boxes, class_ids, scores, len(manifest.classes))
+    places = asked_for([known[image_id] for image_id in image_ids], class_ids)
+    return Found(own.path, entry, found, places, image_ids, BACKWARDS)
 
 
 def _places(footage: Footage, own: Source, beside: list[Source]) -> Callable[[JsonId, str], Place]:
@@ -134,13 +140,13 @@ def _places(footage: Footage, own: Source, beside: list[Source]) -> Callable[[Js
     return place
 
 
-def _results(own: Source) -> tuple[str, list[Entry]]:
+def _results(own: Source) -> tuple[str, list[CocoResult]]:
     """The list of results and what to call it."""
     if isinstance(own.content, list):
-        return "entry", own.entries("entry")
+        return "entry", own.entries("entry", CocoResult)
     for key in ("detections", "annotations"):
         if isinstance(own.content, dict) and key in own.content:
-            return key, own.entries(key)
+            return key, own.entries(key, CocoResult)
     raise DataError(
         f"{own.path}: is no COCO results file. Expected a list of results, or an object that holds "
         'one as "detections" or "annotations".'

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.boxes import area, clip
+from imodbatch.core.detections import Detections
 from imodbatch.datasets.base import Footage
 from imodbatch.datasets.names import NO_AREA, OUTSIDE_IMAGE, UNKNOWN_FRAMES, Place, sharing
 from imodbatch.errors import DataError
@@ -34,21 +35,15 @@ class Grid:
 
 
 @dataclass(frozen=True, eq=False)
-class ImportedDetections:
-    """Detections of a sequence in the order of the file.
+class ImportedDetections(Detections):
+    """Detections of a sequence in the order of the file, cut at the image's border.
 
     Attributes:
-        frame_index: (n,) int64 frame numbers.
-        boxes: (n, 4) float64 x0 y0 x1 y1 in continuous pixels, inside the image.
-        view_scores: (n, K·M·N) float32 in C order of [class, elevation, azimuth].
-        background: (n,) float32 background scores.
+        frame_index: (R,) int64 frame numbers.
         left_out: reason → number of entries of the file that gave no detection.
     """
 
     frame_index: NDArray[np.int64]
-    boxes: NDArray[np.float64]
-    view_scores: NDArray[np.float32]
-    background: NDArray[np.float32]
     left_out: Counter[str]
 
 
@@ -59,22 +54,18 @@ class Found:
     Attributes:
         path: the file.
         entry: number of an entry → how to call it in an error.
-        place_names: (n,) how the file calls its image, for errors.
-        boxes: (n, 4) float64 x0 y0 x1 y1 in continuous pixels.
+        detections: R of them, boxes float64; score rows of other classes are 0.
+        places: (R,) where each belongs, or why nowhere.
+        place_names: (R,) how the file calls its image, for errors.
         cure: what to do about a box that runs backwards.
-        places: (n,) where each belongs, or why nowhere.
-        view_scores: (n, K·M·N) float32; rows of other classes are 0.
-        background: (n,) float64.
     """
 
     path: Path
     entry: Callable[[int], str]
-    place_names: Sequence[Any]
-    boxes: NDArray[np.float64]
-    cure: str
+    detections: Detections
     places: Sequence[Place]
-    view_scores: NDArray[np.float32]
-    background: NDArray[np.float64]
+    place_names: Sequence[Any]
+    cure: str
 
 
 def refuse_shared_numbers(footage: Footage, pattern: str, cure: str) -> None:
@@ -96,36 +87,42 @@ def refuse_shared_numbers(footage: Footage, pattern: str, cure: str) -> None:
 def of_classes(
     path: Path,
     entry: Callable[[int], str],
-    places: Sequence[Place],
+    boxes: NDArray[np.float64],
     class_ids: Sequence[int | None],
     scores: NDArray[np.float64],
     n_classes: int,
-) -> tuple[list[Place], NDArray[np.float32], NDArray[np.float64]]:
-    """What the boxes of a detector that names one class per box come to.
+) -> Detections:
+    """The boxes of a detector that names one class per box.
 
     Args:
         path: the file.
         entry: number of an entry → how to call it.
-        places: (n,) where each box belongs.
-        class_ids: (n,) ordinals, None = a class that the manifest does not ask for.
-        scores: (n,) scores of these classes.
+        boxes: (R, 4) corners in continuous pixels.
+        class_ids: (R,) ordinals, None = a class that the manifest does not ask for.
+        scores: (R,) scores of these classes.
         n_classes: K.
 
     Returns:
-        (n,) places, nowhere where the class is not asked for; (n, K) view scores, the score in the
-        class's column, an exact 0 elsewhere; (n,) background scores.
+        The score in the class's column, an exact 0 elsewhere; what it leaves of 1 is background.
 
     Raises:
         DataError: a score is no probability.
     """
     check_scores(path, entry, scores)
-    view_scores, kept = np.zeros((len(scores), n_classes), dtype=np.float32), list(places)
+    of_views = np.zeros((len(scores), n_classes), dtype=np.float32)
     for row, class_id in enumerate(class_ids):
         if class_id is not None:
-            view_scores[row, class_id] = scores[row]
-        elif not kept[row].reason:
-            kept[row] = Place(None, OTHER_CLASSES)
-    return kept, view_scores, 1.0 - scores
+            of_views[row, class_id] = scores[row]
+    return Detections(boxes, of_views, (1.0 - scores).astype(np.float32))
+
+
+def asked_for(places: Sequence[Place], class_ids: Sequence[int | None]) -> list[Place]:
+    """The places of boxes, nowhere where the manifest does not ask for the class (None)."""
+    other = Place(None, OTHER_CLASSES)
+    return [
+        other if class_id is None and not place.reason else place
+        for place, class_id in zip(places, class_ids, strict=True)
+    ]
 
 
 def check_scores(path: Path, entry: Callable[[int], str], scores: NDArray[Any]) -> None:
@@ -168,33 +165,33 @@ def select(
     reasons = np.array([place.reason for place in found.places], dtype=object)
     if unknown_frames == "error":
         _refuse_unknown(found, np.flatnonzero(reasons == UNKNOWN_FRAMES))
-    boxes = clip(found.boxes, *size_px)
-    for left, reason in ((found.boxes, NO_AREA), (boxes, OUTSIDE_IMAGE)):
+    given = found.detections
+    boxes = clip(given.boxes, *size_px)
+    for left, reason in ((given.boxes, NO_AREA), (boxes, OUTSIDE_IMAGE)):
         reasons[(reasons == "") & (area(left) <= 0)] = reason
     kept = np.flatnonzero(reasons == "")
     return ImportedDetections(
-        np.array([found.places[i].frame_index for i in kept.tolist()], dtype=np.int64),
         boxes[kept],
-        found.view_scores[kept],
-        found.background[kept].astype(np.float32),
+        given.scores[kept],
+        given.background[kept],
+        np.array([found.places[i].frame_index for i in kept.tolist()], dtype=np.int64),
         Counter(reasons[reasons != ""].tolist()),
     )
 
 
 def _check_boxes(found: Found) -> None:
-    faulty = np.flatnonzero(~np.isfinite(found.boxes).all(axis=1))
+    boxes = found.detections.boxes
+    faulty = np.flatnonzero(~np.isfinite(boxes).all(axis=1))
     if faulty.size:
         raise DataError(
-            f"{found.path}: {found.entry(int(faulty[0]))}: the box "
-            f"{found.boxes[faulty[0]].tolist()} is not finite ({faulty.size} such entries). "
-            "Correct it or take it out."
+            f"{found.path}: {found.entry(int(faulty[0]))}: the box {boxes[faulty[0]].tolist()} is "
+            f"not finite ({faulty.size} such entries). Correct it or take it out."
         )
-    faulty = np.flatnonzero((found.boxes[:, 2:] < found.boxes[:, :2]).any(axis=1))
+    faulty = np.flatnonzero((boxes[:, 2:] < boxes[:, :2]).any(axis=1))
     if faulty.size:
         raise DataError(
-            f"{found.path}: {found.entry(int(faulty[0]))}: the box "
-            f"{found.boxes[faulty[0]].tolist()} (x0 y0 x1 y1) runs backwards ({faulty.size} such "
-            f"entries). {found.cure}"
+            f"{found.path}: {found.entry(int(faulty[0]))}: the box {boxes[faulty[0]].tolist()} "
+            f"(x0 y0 x1 y1) runs backwards ({faulty.size} such entries). {found.cure}"
         )
 
 

@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 from pyarrow import csv, parquet
 
 from imodbatch.config import did_you_mean
+from imodbatch.core.detections import Detections
 from imodbatch.datasets.base import Footage
 from imodbatch.datasets.detections.found import (
     KEY,
     OTHER_SEQUENCES,
     Found,
     Grid,
+    asked_for,
     check_scores,
     of_classes,
     refuse_shared_numbers,
@@ -59,10 +61,12 @@ def read_found(footage: Footage, section: DetectionsSection, grid: Grid) -> Foun
     keys, places = _places(footage, section, table)
     vectors = table.vectors(grid)
     if vectors is None:
-        scored = _single_scores(manifest, section, table, grid, places)
+        class_ids, scores = _single_scores(manifest, section, table, grid)
+        found = of_classes(path, table.entry, boxes, class_ids, scores, grid.n_classes)
+        places = asked_for(places, class_ids)
     else:
-        scored = places, vectors, _background(table, vectors)
-    return Found(path, table.entry, keys, boxes, BACKWARDS, *scored)
+        found = Detections(boxes, vectors, _background(table, vectors).astype(np.float32))
+    return Found(path, table.entry, found, places, keys, BACKWARDS)
 
 
 @dataclass(frozen=True)
@@ -208,13 +212,9 @@ def _places(
 
 
 def _single_scores(
-    manifest: Manifest,
-    section: DetectionsSection,
-    table: _Table,
-    grid: Grid,
-    places: list[Place],
-) -> tuple[list[Place], NDArray[np.float32], NDArray[np.float64]]:
-    """Places, view scores and background, from class_name and score."""
+    manifest: Manifest, section: DetectionsSection, table: _Table, grid: Grid
+) -> tuple[list[int | None], NDArray[np.float64]]:
+    """Class ordinals, None = one that the manifest does not ask for, and their scores."""
     if not (table.has("class_name") and table.has("score")):
         raise DataError(
             f"{table.path}: has no scores. Expected a list column view_scores, or columns "
@@ -227,10 +227,8 @@ def _single_scores(
             "n_azimuths and elevations_deg out, or give view_scores."
         )
     classes = ClassNames(manifest, section.rename, "detections.rename")
-    class_ids = [classes.find(name) for name in table.keys("class_name", pa.string())]
-    return of_classes(
-        table.path, table.entry, places, class_ids, table.floats("score"), grid.n_classes
-    )
+    names = table.keys("class_name", pa.string())
+    return [classes.find(name) for name in names], table.floats("score")
 
 
 def _background(table: _Table, view_scores: NDArray[np.float32]) -> NDArray[np.float64]:

@@ -13,9 +13,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from imodbatch.core.detections import Detections
 from imodbatch.engines.detector.card import Checkpoint, DetectorCard, read_checkpoint
 from imodbatch.engines.detector.checkpoint import make_network
-from imodbatch.engines.detector.detections import RawDetections
 from imodbatch.engines.detector.folding import fold_batch_norm
 from imodbatch.engines.detector.network import MultiViewFasterRCNN, ScoredRois
 from imodbatch.errors import ConfigError
@@ -42,7 +42,7 @@ class Detector:
         # Channels last is the layout in which CPUs run depthwise convolutions fast.
         self.network.to(memory_format=torch.channels_last)
 
-    def __call__(self, images: Sequence[NDArray[np.uint8]]) -> list[RawDetections]:
+    def __call__(self, images: Sequence[NDArray[np.uint8]]) -> list[Detections]:
         """Detect in images.
 
         Images of one size are computed as one batch. Sizes are never mixed, so that no image's
@@ -52,13 +52,14 @@ class Detector:
             images: (H, W, 3) uint8 RGB each; sizes may differ. They are not written into.
 
         Returns:
-            One `RawDetections` per image, in the order given, each with at most
-            `card.architecture.n_rois` rows; boxes in the image's own pixels.
+            One `Detections` per image, in the order given, each with at most
+            `card.architecture.n_rois` rows: float32 boxes in the image's own pixels, inside it and
+            of positive area, and a whole softmax; `scores` and `background` of a row sum to 1.
 
         Raises:
             ValueError: an image has another shape or type.
         """
-        results: dict[int, RawDetections] = {}
+        results: dict[int, Detections] = {}
         for indices in _indices_by_size(images):
             batch = [_to_tensor(images[index]).to(self.device) for index in indices]
             with torch.inference_mode():
@@ -127,14 +128,14 @@ def _to_tensor(image: NDArray[np.uint8]) -> Tensor:
     return pixels.permute(2, 0, 1).to(torch.float32) / 255
 
 
-def _to_detections(rois: ScoredRois, image_shape: tuple[int, ...]) -> RawDetections:
+def _to_detections(rois: ScoredRois, image_shape: tuple[int, ...]) -> Detections:
     """Clip the boxes to the image; a RoI of which nothing is left inside the image is left out."""
     height, width = image_shape[:2]
     corner = np.array([width, height, width, height], dtype=np.float32)
     boxes = np.clip(rois.boxes.cpu().numpy(), np.float32(0), corner)
     inside = (boxes[:, 2] > boxes[:, 0]) & (boxes[:, 3] > boxes[:, 1])
     probabilities = rois.log_probabilities.exp().cpu().numpy()[inside]
-    return RawDetections(
+    return Detections(
         boxes=boxes[inside],
         scores=np.ascontiguousarray(probabilities[:, :-1]),
         background=np.ascontiguousarray(probabilities[:, -1]),

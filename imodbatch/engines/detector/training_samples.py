@@ -214,8 +214,8 @@ _Labels = tuple[
 
 def _labels(found: list[CocoBox], class_of: dict[JsonId, int]) -> _Labels:
     """Turn the annotations of an image into arrays; a box without area is left out."""
-    kept = [box for box in found if min(box.xywh[2:]) > 0]
-    boxes = np.array([box.xywh for box in kept], dtype=np.float32).reshape(-1, 4)
+    kept = [box for box in found if min(box.bbox[2:]) > 0]
+    boxes = np.array([box.bbox for box in kept], dtype=np.float32).reshape(-1, 4)
     boxes[:, 2:] += boxes[:, :2]
     # An angle that is not given is None, which becomes NaN.
     azimuth_deg = np.array([box.azimuth_deg for box in kept], dtype=np.float64)
@@ -225,7 +225,7 @@ def _labels(found: list[CocoBox], class_of: dict[JsonId, int]) -> _Labels:
         np.array([class_of[box.category_id] for box in kept], dtype=np.int64),
         np.radians(azimuth_deg).astype(np.float32),
         np.radians(elevation_deg).astype(np.float32),
-        np.array([box.is_ignored or box.is_crowd for box in kept], dtype=np.bool_),
+        np.array([box.ignore or box.iscrowd for box in kept], dtype=np.bool_),
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.boxes import nms_per_category
+from imodbatch.core.detections import Detections
 from imodbatch.core.matching import Outcome
 from imodbatch.core.precision import ap_voc07_11pt
 from imodbatch.core.scoring import (
@@ -26,12 +27,11 @@ from imodbatch.core.scoring import (
 )
 from imodbatch.core.symmetry import Symmetry, n_fold
 from imodbatch.core.viewpoint import ViewGrid
-from imodbatch.engines.detector.detections import RawDetections
 from imodbatch.engines.detector.recipes import ValidationSection
 from imodbatch.engines.detector.training_samples import Sample
 
 IOU_THRESHOLD = 0.5
-Predict = Callable[[list[NDArray[np.uint8]]], list[RawDetections]]
+Predict = Callable[[list[NDArray[np.uint8]]], list[Detections]]
 IntArray = NDArray[np.int64]
 
 
