@@ -113,13 +113,6 @@ class Layout:
         every = self.all_frames(manifest, sequence)
         return read_odometry(section, manifest, sequence, every, self.first_number)
 
-    def annotations(self, manifest: Manifest, sequence: SequenceSection) -> AnnotationsSection:
-        """Which true boxes to read: the manifest's, else those beside the sequence."""
-        own = self.own_boxes
-        if own is None or own.path is None or "annotations" in manifest.model_fields_set:
-            return manifest.annotations
-        return own if manifest.path_in(sequence, own.path).is_file() else manifest.annotations
-
     def refuse_images(self, manifest: Manifest) -> None:
         """Refuse keys of `[images]` that nothing would look at.
 

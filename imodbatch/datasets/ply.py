@@ -3,9 +3,10 @@
 Faces and all else that follows the vertices are not looked at.
 """
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +52,7 @@ def read_points(path: Path) -> NDArray[np.float64]:
                     f"{path}: its vertices have no {missing[0]!r}, only {', '.join(names)}. "
                     "Export the cloud again with x, y, z."
                 )
-            read = _read_text if header.form == "ascii" else _read_binary
-            vertices: Any = read(file, header, path)
+            vertices = _read_vertices(file, header, path)
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror}). Check its path.") from None
     return np.stack([vertices[axis] for axis in "xyz"], axis=-1).astype(np.float64)
@@ -88,35 +88,25 @@ def _read_header(file: BinaryIO, path: Path) -> Header:
     return Header(form, elements[0][1], list(properties.items()))
 
 
-def _read_binary(file: BinaryIO, header: Header, path: Path) -> NDArray[np.void]:
+def _read_vertices(file: BinaryIO, header: Header, path: Path) -> NDArray[np.void]:
     """All properties of all vertices as a structured array (N,)."""
-    dtype = np.dtype(header.properties)
-    # No more than there is: a damaged header may name any number.
-    n_left = path.stat().st_size - file.tell()
-    content = file.read(min(header.n_vertices * dtype.itemsize, n_left))
-    vertices = np.frombuffer(content[: len(content) // dtype.itemsize * dtype.itemsize], dtype)
-    if len(vertices) < header.n_vertices:
-        raise _cut_short(path, len(vertices), header)
-    return vertices
-
-
-def _read_text(file: BinaryIO, header: Header, path: Path) -> dict[str, NDArray[np.float64]]:
-    """Property → values (N,); a line per vertex."""
-    lines = [line for _, line in zip(range(header.n_vertices), file, strict=False)]
-    if len(lines) < header.n_vertices:
-        raise _cut_short(path, len(lines), header)
-    try:
-        values = np.array(b" ".join(lines).split(), dtype=np.float64)
-        table = values.reshape(header.n_vertices, len(header.properties))
-    except ValueError:
+    n_vertices, dtype = header.n_vertices, np.dtype(header.properties)
+    if header.form == "ascii":
+        lines = itertools.islice(file, n_vertices)
+        try:
+            vertices = np.loadtxt(lines, [(name, "f8") for name in dtype.names or ()], ndmin=1)
+        except ValueError:
+            raise DataError(
+                f"{path}: its vertices are not {n_vertices} lines of {len(header.properties)} "
+                "numbers. Restore it or export the cloud again."
+            ) from None
+    else:
+        # No more than there is: a damaged header may name any number.
+        n_left = path.stat().st_size - file.tell()
+        content = file.read(min(n_vertices * dtype.itemsize, n_left))
+        vertices = np.frombuffer(content[: len(content) // dtype.itemsize * dtype.itemsize], dtype)
+    if len(vertices) < n_vertices:
         raise DataError(
-            f"{path}: its vertices are not {header.n_vertices} lines of {len(header.properties)} "
-            "numbers. Restore it or export the cloud again."
-        ) from None
-    return {name: table[:, i] for i, (name, _) in enumerate(header.properties)}
-
-
-def _cut_short(path: Path, n_found: int, header: Header) -> DataError:
-    return DataError(
-        f"{path}: cut short: {n_found:,} of {header.n_vertices:,} vertices. Restore it."
-    )
+            f"{path}: cut short: {len(vertices):,} of {n_vertices:,} vertices. Restore it."
+        )
+    return vertices

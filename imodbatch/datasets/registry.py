@@ -47,8 +47,11 @@ def layout_of(manifest: Manifest) -> Layout:
 
 def annotated(manifest: Manifest, sequence: SequenceSection) -> Manifest:
     """The manifest with the true boxes that the layout has beside a sequence, if it names none."""
-    section = layout_of(manifest).annotations(manifest, sequence)
-    return manifest.model_copy(update={"annotations": section})
+    own = layout_of(manifest).own_boxes
+    if own is None or own.path is None or "annotations" in manifest.model_fields_set:
+        return manifest
+    is_there = manifest.path_in(sequence, own.path).is_file()
+    return manifest.model_copy(update={"annotations": own}) if is_there else manifest
 
 
 def miscount(manifest: Manifest, sequence: SequenceSection) -> tuple[int, str] | None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from imodbatch.core.boxes import area, clip
 from imodbatch.core.cloud_boxes import Sight, box_of_points, is_in_front, sight_of_points
 from imodbatch.core.depth import DepthImage, register
 from imodbatch.core.frames import invert, is_rigid
@@ -129,7 +130,8 @@ def _boxes(
                 yield Entry(where, frame.frame_index, name, NO_BOX, left_out=NO_POSE)
                 continue
             box = box_of_points(thing.hull, color_from_world, model.color)
-            if box is None or not _overlaps(box, model):
+            seen = clip(np.array([box or NO_BOX]), model.color.width_px, model.color.height_px)
+            if box is None or area(seen)[0] <= 0:
                 yield Entry(where, frame.frame_index, name, NO_BOX, left_out=OUTSIDE_IMAGE)
                 continue
             depth_m = _depth(manifest, frame, model) if depth_m is None else depth_m
@@ -143,22 +145,12 @@ def _boxes(
                 TOLERANCE_SHARE,
             )
             sights.append(sight)
-            is_whole = is_in_front(thing.hull, color_from_world) and not _is_cut(box, model)
-            is_ignored = not is_whole or sight.share < MIN_VISIBLE_SHARE
+            is_whole = is_in_front(thing.hull, color_from_world) and (seen == box).all()
+            is_ignored = bool(not is_whole or sight.share < MIN_VISIBLE_SHARE)
             yield Entry(
                 where, frame.frame_index, name, box, is_ignored=is_ignored, instance_id=instance_id
             )
     _refuse_unit(sights, model, cloud)
-
-
-def _overlaps(box: tuple[float, float, float, float], model: CameraModel) -> bool:
-    x0, y0, x1, y1 = box
-    return x1 > 0 and y1 > 0 and x0 < model.color.width_px and y0 < model.color.height_px
-
-
-def _is_cut(box: tuple[float, float, float, float], model: CameraModel) -> bool:
-    x0, y0, x1, y1 = box
-    return x0 < 0 or y0 < 0 or x1 > model.color.width_px or y1 > model.color.height_px
 
 
 def _depth(manifest: Manifest, frame: FrameFile, model: CameraModel) -> DepthImage:

@@ -124,20 +124,25 @@ def _entry(struct: Any, index: int | None, where: str) -> Entry:
 
 
 def _text(value: Any, where: str) -> str:
-    """A char array, bare or in a cell of its own."""
-    while isinstance(value, np.ndarray) and value.size == 1:
-        value = value.item()
-    text = value.strip() if isinstance(value, str) else ""
+    """A char array."""
+    bare = _bare(value)
+    text = bare.strip() if isinstance(bare, str) else ""
     if not text:
         raise DataError(f"{where}: category is no name. Expected a char array such as 'cap'.")
     return text
 
 
 def _number(value: Any, field: str, where: str) -> float:
-    """A single real number of any type, bare or in a cell of its own."""
+    """A single real number of any type."""
+    bare = _bare(value)
+    if isinstance(bare, bool | int | float):
+        return float(bare)
+    shape = "×".join(map(str, np.shape(bare))) or type(bare).__name__
+    raise DataError(f"{where}: {field} is not a single number ({shape}). Correct it.")
+
+
+def _bare(value: Any) -> Any:
+    """What is in an array, or a cell, of one."""
     while isinstance(value, np.ndarray) and value.size == 1:
         value = value.item()
-    if isinstance(value, bool | int | float):
-        return float(value)
-    shape = "×".join(map(str, np.shape(value))) or type(value).__name__
-    raise DataError(f"{where}: {field} is not a single number ({shape}). Correct it.")
+    return value

@@ -132,9 +132,7 @@ class CocoStream:
 
     def read(self, index: int) -> Sample:
         """Read the image at a position of the file."""
-        boxes, class_ids, azimuth, elevation, ignored = self._labels[index]
-        image = read_color(self._files[index])
-        return Sample(image, boxes, class_ids, azimuth, elevation, ignored)
+        return Sample(read_color(self._files[index]), *self._labels[index])
 
     def __getitem__(self, draw: int) -> Sample:
         """Read draw number `draw` of the shuffled, repeated folder."""
