@@ -15,6 +15,7 @@ from imodbatch.coco import CocoFile, CocoResult, JsonId
 from imodbatch.datasets.base import Footage
 from imodbatch.datasets.detections.found import (
     KEY,
+    Entries,
     Found,
     asked_for,
     of_classes,
@@ -107,12 +108,10 @@ def read_found(footage: Footage, section: DetectionsSection) -> Found:
         boxes[number] = x, y, x + width, y + height
         scores[number] = result.score
 
-    def entry(number: int) -> str:
-        return f"{key}[{number}]"
-
-    found = of_classes(own.path, entry, boxes, class_ids, scores, len(manifest.classes))
+    entries = Entries(own.path, lambda number: f"{key}[{number}]")
+    found = of_classes(entries, boxes, class_ids, scores, len(manifest.classes))
     places = asked_for([known[image_id] for image_id in image_ids], class_ids)
-    return Found(own.path, entry, found, places, image_ids, BACKWARDS)
+    return Found(entries, found, places, image_ids, BACKWARDS)
 
 
 def _places(footage: Footage, own: Source, beside: list[Source]) -> Callable[[JsonId, str], Place]:

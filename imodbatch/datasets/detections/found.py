@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from imodbatch.core.boxes import area, clip
 from imodbatch.core.detections import Detections
@@ -47,21 +47,45 @@ class ImportedDetections(Detections):
     left_out: Counter[str]
 
 
+@dataclass(frozen=True)
+class Entries:
+    """The entries of a file, for errors; `name` says what to call the entry of a number."""
+
+    path: Path
+    name: Callable[[int], str]
+
+    def refuse(self, faulty: ArrayLike, fault: Callable[[int], str], cure: str) -> None:
+        """Refuse the file for its first faulty entry, if there is one.
+
+        Args:
+            faulty: (R,) bool.
+            fault: number of an entry → what is wrong with it.
+            cure: what to do about it.
+
+        Raises:
+            DataError: there is one.
+        """
+        rows = np.flatnonzero(faulty).tolist()
+        if rows:
+            raise DataError(
+                f"{self.path}: {self.name(rows[0])}: {fault(rows[0])} ({len(rows)} such entries). "
+                f"{cure}"
+            )
+
+
 @dataclass(frozen=True, eq=False)
 class Found:
     """All entries of a file.
 
     Attributes:
-        path: the file.
-        entry: number of an entry → how to call it in an error.
+        entries: their names.
         detections: R of them, boxes float64; score rows of other classes are 0.
         places: (R,) where each belongs, or why nowhere.
         place_names: (R,) how the file calls its image, for errors.
         cure: what to do about a box that runs backwards.
     """
 
-    path: Path
-    entry: Callable[[int], str]
+    entries: Entries
     detections: Detections
     places: Sequence[Place]
     place_names: Sequence[Any]
@@ -85,8 +109,7 @@ def refuse_shared_numbers(footage: Footage, pattern: str, cure: str) -> None:
 
 
 def of_classes(
-    path: Path,
-    entry: Callable[[int], str],
+    entries: Entries,
     boxes: NDArray[np.float64],
     class_ids: Sequence[int | None],
     scores: NDArray[np.float64],
@@ -95,8 +118,7 @@ def of_classes(
     """The boxes of a detector that names one class per box.
 
     Args:
-        path: the file.
-        entry: number of an entry → how to call it.
+        entries: names of the R boxes.
         boxes: (R, 4) corners in continuous pixels.
         class_ids: (R,) ordinals, None = a class that the manifest does not ask for.
         scores: (R,) scores of these classes.
@@ -108,7 +130,7 @@ def of_classes(
     Raises:
         DataError: a score is no probability.
     """
-    check_scores(path, entry, scores)
+    check_scores(entries, scores)
     of_views = np.zeros((len(scores), n_classes), dtype=np.float32)
     for row, class_id in enumerate(class_ids):
         if class_id is not None:
@@ -125,32 +147,21 @@ def asked_for(places: Sequence[Place], class_ids: Sequence[int | None]) -> list[
     ]
 
 
-def check_scores(path: Path, entry: Callable[[int], str], scores: NDArray[Any]) -> None:
-    """Refuse scores that are no probabilities.
-
-    Args:
-        path: the file.
-        entry: number of an entry → how to call it.
-        scores: (n,) or (n, S).
+def check_scores(entries: Entries, scores: NDArray[Any]) -> None:
+    """Refuse scores (R,) or (R, S) that are no probabilities.
 
     Raises:
         DataError: one is not finite or outside [0, 1].
     """
     table = scores if scores.ndim == 2 else scores[:, None]
-    right = (table >= 0) & (table <= 1)  # False for NaN too.
-    faulty = np.flatnonzero(~right.all(axis=1))
-    if faulty.size:
-        first = int(faulty[0])
-        value = float(table[first][~right[first]][0])
-        hint = (
-            "Give finite scores"
-            if not np.isfinite(value)
-            else ("Are these logits or percent? Give scores after softmax or sigmoid")
-        )
-        raise DataError(
-            f"{path}: {entry(first)}: the score {value:g} is not within 0 to 1 "
-            f"({faulty.size} such entries). {hint}."
-        )
+    wrong = ~((table >= 0) & (table <= 1))  # True for NaN too.
+
+    def fault(row: int) -> str:
+        return f"the score {table[row][wrong[row]][0]:g} is not within 0 to 1"
+
+    is_finite = np.isfinite(table[wrong][:1]).all()
+    hint = "Are these logits or percent? Give scores after softmax or sigmoid."
+    entries.refuse(wrong.any(axis=1), fault, hint if is_finite else "Give finite scores.")
 
 
 def select(
@@ -164,7 +175,12 @@ def select(
     _check_boxes(found)
     reasons = np.array([place.reason for place in found.places], dtype=object)
     if unknown_frames == "error":
-        _refuse_unknown(found, np.flatnonzero(reasons == UNKNOWN_FRAMES))
+        found.entries.refuse(
+            reasons == UNKNOWN_FRAMES,
+            lambda row: f"the dataset has no frame {found.place_names[row]!r}",
+            "Check which images the file speaks of (detections.images), or leave them out with "
+            'detections.unknown_frames = "skip".',
+        )
     given = found.detections
     boxes = clip(given.boxes, *size_px)
     for left, reason in ((given.boxes, NO_AREA), (boxes, OUTSIDE_IMAGE)):
@@ -181,26 +197,17 @@ def select(
 
 def _check_boxes(found: Found) -> None:
     boxes = found.detections.boxes
-    faulty = np.flatnonzero(~np.isfinite(boxes).all(axis=1))
-    if faulty.size:
-        raise DataError(
-            f"{found.path}: {found.entry(int(faulty[0]))}: the box {boxes[faulty[0]].tolist()} is "
-            f"not finite ({faulty.size} such entries). Correct it or take it out."
-        )
-    faulty = np.flatnonzero((boxes[:, 2:] < boxes[:, :2]).any(axis=1))
-    if faulty.size:
-        raise DataError(
-            f"{found.path}: {found.entry(int(faulty[0]))}: the box {boxes[faulty[0]].tolist()} "
-            f"(x0 y0 x1 y1) runs backwards ({faulty.size} such entries). {found.cure}"
-        )
 
+    def box(row: int) -> str:
+        return f"the box {boxes[row].tolist()}"
 
-def _refuse_unknown(found: Found, unknown: NDArray[np.intp]) -> None:
-    if unknown.size:
-        first = int(unknown[0])
-        raise DataError(
-            f"{found.path}: {found.entry(first)}: the dataset has no frame "
-            f"{found.place_names[first]!r} ({unknown.size} such entries). Check which images "
-            "the file speaks of (detections.images), or leave them out with "
-            'detections.unknown_frames = "skip".'
-        )
+    found.entries.refuse(
+        ~np.isfinite(boxes).all(axis=1),
+        lambda row: f"{box(row)} is not finite",
+        "Correct it or take it out.",
+    )
+    found.entries.refuse(
+        (boxes[:, 2:] < boxes[:, :2]).any(axis=1),
+        lambda row: f"{box(row)} (x0 y0 x1 y1) runs backwards",
+        found.cure,
+    )

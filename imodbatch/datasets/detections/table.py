@@ -24,6 +24,7 @@ from imodbatch.datasets.base import Footage
 from imodbatch.datasets.detections.found import (
     KEY,
     OTHER_SEQUENCES,
+    Entries,
     Found,
     Grid,
     asked_for,
@@ -62,11 +63,11 @@ def read_found(footage: Footage, section: DetectionsSection, grid: Grid) -> Foun
     vectors = table.vectors(grid)
     if vectors is None:
         class_ids, scores = _single_scores(manifest, section, table, grid)
-        found = of_classes(path, table.entry, boxes, class_ids, scores, grid.n_classes)
+        found = of_classes(table.entries, boxes, class_ids, scores, grid.n_classes)
         places = asked_for(places, class_ids)
     else:
         found = Detections(boxes, vectors, _background(table, vectors).astype(np.float32))
-    return Found(path, table.entry, found, places, keys, BACKWARDS)
+    return Found(table.entries, found, places, keys, BACKWARDS)
 
 
 @dataclass(frozen=True)
@@ -76,9 +77,10 @@ class _Table:
     path: Path
     data: Any
 
-    def entry(self, number: int) -> str:
-        """What to call a row in an error."""
-        return f"row {number} (from 0)"
+    @property
+    def entries(self) -> Entries:
+        """The rows, for errors."""
+        return Entries(self.path, lambda number: f"row {number} (from 0)")
 
     def has(self, name: str) -> bool:
         return name in self.data.column_names
@@ -105,7 +107,7 @@ class _Table:
         column = self.column(name, dtype)
         if column.null_count:
             first = column.is_null().to_pylist().index(True)
-            raise DataError(f"{self.path}: {self.entry(first)} has no {name}. Fill it in.")
+            raise DataError(f"{self.path}: {self.entries.name(first)} has no {name}. Fill it in.")
         values: list[Any] = column.to_pylist()
         return values
 
@@ -123,7 +125,7 @@ class _Table:
             scores = np.stack([self.floats(name).astype(np.float32) for name in expected], axis=1)
         else:
             return None
-        check_scores(self.path, self.entry, scores)
+        check_scores(self.entries, scores)
         return scores
 
     def _list_vectors(self, grid: Grid) -> NDArray[np.float32]:
@@ -134,12 +136,11 @@ class _Table:
                 "(Parquet), or columns view_score_0, view_score_1, … (CSV)."
             )
         lengths = pc.fill_null(pc.list_value_length(column), 0).to_numpy()
-        wrong = np.flatnonzero(lengths != grid.n_scores)
-        if wrong.size:
-            raise DataError(
-                f"{self.path}: {self.entry(int(wrong[0]))}: view_scores has {lengths[wrong[0]]} "
-                f"values. {_expected(grid)}"
-            )
+        self.entries.refuse(
+            lengths != grid.n_scores,
+            lambda row: f"view_scores has {lengths[row]} values",
+            _expected(grid),
+        )
         values = np.asarray(pc.list_flatten(column).to_numpy(), dtype=np.float32)
         return values.reshape(len(lengths), grid.n_scores)
 
@@ -235,15 +236,13 @@ def _background(table: _Table, view_scores: NDArray[np.float32]) -> NDArray[np.f
     """(n,) background scores, as given or what the vectors leave of 1."""
     if table.has("background_score"):
         background = table.floats("background_score")
-        check_scores(table.path, table.entry, background)
+        check_scores(table.entries, background)
         return background
     sums = view_scores.sum(axis=1, dtype=np.float64)
-    too_large = np.flatnonzero(sums > 1 + ROUNDING)
-    if too_large.size:
-        raise DataError(
-            f"{table.path}: {table.entry(int(too_large[0]))}: the view scores sum to "
-            f"{sums[too_large[0]]:.3g} ({too_large.size} such entries). Give a softmax over "
-            "classes and viewpoints, or a column background_score."
-        )
+    table.entries.refuse(
+        sums > 1 + ROUNDING,
+        lambda row: f"the view scores sum to {sums[row]:.3g}",
+        "Give a softmax over classes and viewpoints, or a column background_score.",
+    )
     rest: NDArray[np.float64] = np.maximum(1.0 - sums, 0.0)
     return rest
