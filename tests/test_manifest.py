@@ -274,3 +274,18 @@ def test_a_reference_may_say_where_its_up_is(up, direction):
     given = {"format": "tum", "path": "true.txt", **({} if up is None else {"up": up})}
     assert manifest(reference=given).reference.up_direction() == direction
     assert manifest().reference is None
+
+
+def test_a_number_in_a_path_is_the_one_that_the_sequence_ends_in(tmp_path):
+    split = manifest(root=str(tmp_path), sequences=[{"id": "s", "path": "room/scene_07"}])
+    section = split.sequences[0]
+    assert split.path_in(section, "pc/{number}.ply") == tmp_path / "pc" / "07.ply"
+    without = SequenceSection(id="s", path="room/first")
+    fault(lambda: split.path_in(without, "pc/{number}.ply"), "room/first", "{number}", "scene_01")
+
+
+def test_sequences_are_chosen_in_the_manifests_order():
+    split = manifest(sequences=[{"id": name} for name in "abc"])
+    assert [s.id for s in split.choose(["c", "a"])] == ["a", "c"]
+    assert split.choose([]) == split.sequences
+    fault(lambda: split.choose(["a", "d"]), "--sequence d", "not in manifest tiny", "a, b, c")

@@ -10,12 +10,15 @@ from imodbatch.checkup.depth_values import unknown_as_number
 from imodbatch.checkup.files import _has_end_mark
 from imodbatch.checkup.finding import Finding, Outcome, setting
 from imodbatch.checkup.motions import MOST_POINTS, Motions, relative
+from imodbatch.checkup.reading import order_of
+from imodbatch.checkup.subject import Subject
 from imodbatch.checkup.trajectory import contradicts, find_jumps
 from imodbatch.checkup.upright import nearest_axis
 from imodbatch.checkup.views import View
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import exp_twist, invert, make_transform
 from imodbatch.datasets.base import CameraModel
+from imodbatch.manifest import Manifest
 
 CAMERA = PinholeCamera(320, 240, 300.0, 300.0, 160.0, 120.0)
 
@@ -244,3 +247,22 @@ def test_a_file_cut_off_has_no_end_mark(tmp_path: Path) -> None:
         assert _has_end_mark(path)
         path.write_bytes(path.read_bytes()[:-20])
         assert not _has_end_mark(path)
+
+
+def test_the_layout_says_how_its_poses_are_read(tmp_path: Path) -> None:
+    folder = tmp_path / "desk" / "desk_1"
+    folder.mkdir(parents=True)
+    (folder / "desk_1_1.png").touch()
+    split = Manifest(
+        name="uw",
+        adapter="rgbd_scenes_v1",
+        root=str(tmp_path),
+        classes=["cap"],
+        sequences=[{"id": "desk_1", "path": "desk/desk_1"}],
+    )
+    subject = Subject.of(split, split.sequences[0])
+    assert subject.odometry_section is None
+    (folder / "desk_1.pose").touch()
+    section = subject.odometry_section
+    assert section is not None
+    assert (section.format, order_of(section)) == ("uw", "wxyz")
