@@ -77,9 +77,10 @@ class Layout:
     def _reference_section(
         self, manifest: Manifest, sequence: SequenceSection
     ) -> OdometrySection | None:
+        if manifest.reference is not None:
+            return manifest.reference
         own = self.true_poses(manifest, sequence)
-        is_there = any(path.is_file() for path in _files(own, manifest, sequence))
-        return manifest.reference or (own if is_there else None)
+        return own if any(p.is_file() for p in _files(own, manifest, sequence)) else None
 
     def odometry(self, manifest: Manifest, sequence: SequenceSection) -> Odometry | None:
         """The poses that come with a sequence; None = there are none.
