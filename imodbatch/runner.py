@@ -38,7 +38,7 @@ from imodbatch.tables import (
     table_path,
     write_table,
 )
-from imodbatch.wiring import STAGES, STEPS, Step, stages_of
+from imodbatch.wiring import STEPS, Step, stages_of
 
 UP_TO_DATE, DONE, FAILED = "up to date", "done", "failed"
 STALE, MISSING = "stale", "missing"
@@ -147,25 +147,26 @@ def stale_inputs(plan: Plan, stage: str, with_itself: bool = False) -> list[str]
         stage: the one that is about to read.
         with_itself: whether the stage's own tables are read, too.
     """
-    before = _stages_before(stage) | ({stage} if with_itself else set())
+    before = _steps_before(stage) | ({stage} if with_itself else set())
     return [
         f"{outcome.title} {outcome.label}"
         for outcome in states(plan)
-        if outcome.state == STALE and outcome.stage in before
+        if outcome.state == STALE and outcome.title in before
     ]
 
 
-def _stages_before(stage: str) -> set[str]:
-    """The stages whose tables a stage reads, and those before them; a report reads all."""
+def _steps_before(stage: str) -> set[str]:
+    """Titles of the steps whose tables a stage reads, and of those before; a report reads all."""
     if all(step.stage != stage for step in STEPS):
-        return set(STAGES)
+        return {step.title for step in STEPS}
     needed: set[str] = set()
     before: set[str] = set()
     for step in reversed(STEPS):
         if step.stage == stage or needed & set(step.writes):
             needed |= set(step.reads)
-            before.add(step.stage)
-    return before - {stage}
+            if step.stage != stage:
+                before.add(step.title)
+    return before
 
 
 def load(plan: Plan, table: str, columns: list[str] | None = None) -> pa.Table:

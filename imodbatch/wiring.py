@@ -81,9 +81,18 @@ def _index_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
 
 
 def _pose_settings(context: Context, sequence: SequenceSection) -> dict[str, Any]:
-    source = context.pipeline.poses.source
-    own = ("@odometry",) if source == "odometry" else (source,)
-    return _settings("poses", "@world", "@camera", *own)(context, sequence)
+    """Of the source in use; how frames find poses in a file matters to that source alone."""
+    config = context.pipeline.poses
+    if config.source == "odometry":
+        return _settings("poses", "@odometry", "@world", "@camera")(context, sequence)
+    own = config.model_dump(include={"source", "levelling_frames"})
+    return {"poses": own, **_settings(config.source, "@world", "@camera")(context, sequence)}
+
+
+def _quality_settings(context: Context, sequence: SequenceSection) -> dict[str, Any]:
+    """The reference is a file, whatever the source of the poses."""
+    names = ("pose_quality", "poses", "@world", "@camera", "@reference")
+    return _settings(*names)(context, sequence)
 
 
 def _detect(
@@ -92,7 +101,7 @@ def _detect(
     manifest, config = context.manifest, context.pipeline.detect
     viewpoint = context.pipeline.viewpoint
     grid = (len(viewpoint.elevations_deg), viewpoint.n_azimuths)
-    if manifest.detections is not None and config.weights is None:
+    if _is_imported(context):
         camera = camera_model(manifest, sequence).color
         imported = read_detections(
             annotated(manifest, sequence),
@@ -108,6 +117,11 @@ def _detect(
     return detect.run_detector(
         tables["frames"], context.read_color, detector, context.n_classes, grid, config, progress
     )
+
+
+def _is_imported(context: Context) -> bool:
+    """Whether another detector's results are taken in place of running one."""
+    return context.manifest.detections is not None and context.pipeline.detect.weights is None
 
 
 def _weights(context: Context) -> Path:
@@ -150,16 +164,18 @@ def _check_card(card: Any, context: Context) -> None:
 
 
 def _detect_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
-    if context.manifest.detections is not None and context.pipeline.detect.weights is None:
+    if _is_imported(context):
         return detection_files(annotated(context.manifest, sequence), sequence)
     return checkpoint_files(_weights(context))
 
 
 def _detect_settings(context: Context, sequence: SequenceSection) -> dict[str, Any]:
     del sequence
-    speed = {"device", "batch_size"}  # change nothing in the result
+    aside = {"device", "batch_size"}  # change nothing in the result
+    if _is_imported(context):
+        aside.add("unreadable_color")
     return {
-        "detect": context.pipeline.detect.model_dump(exclude=speed),
+        "detect": context.pipeline.detect.model_dump(exclude=aside),
         "grid": _grid(context),
         "classes": context.manifest.classes,
         "detections": _dump(context.manifest.detections),
@@ -326,7 +342,7 @@ STEPS: tuple[Step, ...] = (
         ("frames", "poses"),
         ("pose_quality", "reference_poses"),
         quality_step,
-        _settings("pose_quality", "@world", "@camera", "@reference"),
+        _quality_settings,
         reference_files,
         name="pose_quality",
     ),

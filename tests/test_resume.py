@@ -456,7 +456,8 @@ def test_a_stage_without_its_inputs_names_the_stage_to_run(
     ("stage", "setting", "stale"),
     [
         ("fuse", "lift.voxel_size_m=0.3", lines_of("lift")),
-        ("fuse", "poses.max_gap_ms=10.0", lines_of("poses", "lift")),
+        ("fuse", "poses.max_gap_ms=10.0", ["poses walk_1", "poses walk_2", *lines_of("lift")]),
+        ("lift", "pose_quality.rpe_delta_frames=5", []),
         ("report", "fuse.cell_reduce=max", lines_of("fuse", "score", "diagnose")),
         ("detect", "poses.max_gap_ms=10.0", []),
         ("lift", "fuse.cell_reduce=max", []),

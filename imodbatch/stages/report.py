@@ -106,6 +106,8 @@ def run(
         write_text(out_dir / "poses.csv", pose_csv(complete["pose_quality"]))
     if context["jitter"]:
         write_text(out_dir / "jitters.csv", jitter_csv(complete["jitters"]))
+    else:
+        (out_dir / "jitters.csv").unlink(missing_ok=True)
     write_text(out_dir / PAGE, page("report.html.j2", {**context, "info": run_info}))
     return out_dir / PAGE
 
