@@ -36,7 +36,7 @@ def pose_step(
     world, how = manifest.world, "up as given"
     up: ArrayLike | None = world.direction() if source == "odometry" else world.first_camera_up
     if up is None:
-        found = estimate_up(context, sequence, frames, trajectory.poses.world_from_cam, progress)
+        found = estimate_up(context, frames, trajectory.poses.world_from_cam, progress)
         up, how = found.direction, str(found)
         trajectory = replace(trajectory, figures={**trajectory.figures, **found.figures()})
     return poses.run(frames, trajectory, up, how)
@@ -92,26 +92,20 @@ def _is_same(judged: FramePoses, true: FramePoses) -> bool:
 
 def estimate_up(
     context: Context,
-    sequence: SequenceSection,
     frames: pa.Table,
     world_from_cam: NDArray[np.float64],
     progress: Progress[Any],
 ) -> Up:
     """Up in the world of the poses (F, 4, 4), from the depth of some frames that have a pose."""
-    from imodbatch.engines.levelling import MAX_DEPTH_M, estimate_up
+    from imodbatch.engines.levelling.images import up_of_frames
 
     config = context.pipeline.poses
-    rows = frames.to_pylist()
-    usable = [
-        i
-        for i in np.flatnonzero(np.isfinite(world_from_cam[:, 0, 0]))
-        if rows[i]["depth_path"] is not None
-    ]
-    picked = np.unique(np.linspace(0, len(usable) - 1, config.levelling_frames).astype(int))
-    chosen = [usable[i] for i in picked] if usable else []
-    points = [_points_cam(context, rows[i], MAX_DEPTH_M) for i in progress(chosen)]
+    has_depth = np.asarray(frames["depth_path"].is_valid())
     setting = "world.up" if config.source == "odometry" else "world.first_camera_up"
-    return estimate_up(points, world_from_cam[chosen], sequence.id, setting)
+    images = rgbd_frames(context, frames)
+    return up_of_frames(
+        images, world_from_cam, has_depth, config.levelling_frames, setting, progress
+    )
 
 
 def _from_odometry(
@@ -171,17 +165,6 @@ def rgbd_frames(context: Context, frames: pa.Table) -> RgbdFrames:
         color,
         depth,
     )
-
-
-def _points_cam(context: Context, row: Any, max_depth_m: float) -> NDArray[np.float64]:
-    """Every fourth pixel of a frame as points (P, 3) in the colour camera; none if unreadable."""
-    try:
-        depth_m = context.read_depth(row)[::4, ::4]
-    except UnreadableImageError:  # lift says so for every box of the frame
-        return np.zeros((0, 3))
-    pixels = camera_of(row).pixel_centers()[::4, ::4]
-    near = depth_m < max_depth_m
-    return camera_of(row).unproject(pixels[near], depth_m[near])
 
 
 def pose_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:

@@ -187,7 +187,7 @@ def main() -> None:
         trajectory = TRAJECTORY_SOURCES["odometry"](context, sequence, frames, iter)
         poses = trajectory.poses.world_from_cam
         start = time.perf_counter()
-        planes = estimate_up(context, sequence, frames, poses, iter)
+        planes = estimate_up(context, frames, poses, iter)
         seconds = time.perf_counter() - start
         segments = collect(context, frames.to_pylist(), poses)
         camera_up = -np.nanmean(poses[:, :3, 1], axis=0)
