@@ -310,6 +310,16 @@ def test_detections_may_be_filtered_and_sorted_after_they_are_lifted():
     same(fused, expected.reset_index(drop=True))
 
 
+def test_summaries_go_to_the_log(caplog):
+    with caplog.at_level("INFO", logger="imodbatch"):
+        fused, objects = imodbatch.fuse(own_boxes(), lifted_boxes(), CAMERA, CLASSES)
+    assert [record.message.split(";")[0] for record in caplog.records] == [
+        "observations: 36 detections = 36 placed",
+        "fused: 36 detections = 36 fused",
+    ]
+    assert fused.attrs == objects.attrs == {"classes": list(CLASSES)}
+
+
 def with_row(table, row, **values):
     changed = table.copy()
     for name, value in values.items():

@@ -168,10 +168,9 @@ def fuse(
         own, own_seen = (t.filter(pc.equal(t["sequence_id"], sequence_id)) for t in (boxes, seen))
         frames = frames_of(camera, np.unique(column(own, "frame_index")), sequence_id)
         results.append(fuse_stage.run(frames, own, own_seen, len(names), config, config))
-    fused, objects = (
-        told(_joined(results, name), name, classes=names) for name in ("fused", "objects")
-    )
-    return fused, objects
+    fused, objects = _joined(results, "fused"), _joined(results, "objects")
+    silent = StageResult(objects.tables, "")  # both have the same summary
+    return told(fused, "fused", classes=names), told(silent, "objects", classes=names)
 
 
 def score(

@@ -264,7 +264,8 @@ def told(result: StageResult, name: str, **brought: Any) -> pd.DataFrame:
         name: of the table.
         brought: what the table brings along for the next call, in `attrs`.
     """
-    logging.getLogger("imodbatch").info("%s: %s", name, result.summary)
+    if result.summary:
+        logging.getLogger("imodbatch").info("%s: %s", name, result.summary)
     for warning in result.warnings:
         warnings.warn(warning, stacklevel=3)
     frame: pd.DataFrame = result.tables[name].to_pandas()
