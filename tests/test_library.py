@@ -222,6 +222,17 @@ def test_boxes_with_a_class_and_a_score_are_enough():
     assert background.value.isna().all()  # no camera: no pixels to count
 
 
+def test_settings_may_be_of_numpy():
+    grid = {"elevations_deg": [30.0, 60.0], "n_azimuths": 8}
+    of_numpy = {"elevations_deg": np.array([30.0, 60.0]), "n_azimuths": np.int64(8)}
+    same(lifted_boxes(**of_numpy), lifted_boxes(**grid))
+    given = None, None, CAMERA, SCENE.world_from_cam
+    same(
+        imodbatch.estimate_poses(*given, up=np.array([0.0, 0.0, 2.0])),
+        imodbatch.estimate_poses(*given, up="+z"),
+    )
+
+
 def test_class_ids_do_as_well_as_names():
     boxes = own_boxes()
     by_id = boxes.assign(class_id=[CLASSES.index(name) for name in boxes.class_name])

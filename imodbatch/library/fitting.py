@@ -37,7 +37,7 @@ BOXES = TableSpec(
     DETECTIONS.key,
     tuple(c for c in DETECTIONS.columns if c.name in (*DETECTION_KEY, *BOX_COLUMNS)),
 )
-MOST = 0.5
+MOST = 0.5  # of the bins: azimuths were rounded, and one at a bin's border may fall beside it
 
 
 @dataclass(frozen=True)

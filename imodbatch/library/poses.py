@@ -1,7 +1,6 @@
 """estimate_poses: images in memory, or poses of the caller's own → poses in a world with +z up."""
 
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,6 @@ from imodbatch.config import (
     SlamConfig,
     StrictModel,
     did_you_mean,
-    validate,
 )
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.trajectory import Trajectory
@@ -38,7 +36,7 @@ def estimate_poses(
     depths: Images | None,
     camera: PinholeCamera,
     source: str | ArrayLike = "slam",
-    up: str | Sequence[float] = "estimate",
+    up: str | ArrayLike = "estimate",
     *,
     frame_index: ArrayLike | None = None,
     sequence_id: str = SEQUENCE,
@@ -83,10 +81,10 @@ def estimate_poses(
         None,
         camera,
         tuple(Path(f"{number:09d}") for number in numbers),  # names for sfm; nothing lies there
-        _nothing if own else color_reader(colors, numbers, camera),
+        color_reader(colors, numbers, camera) if own is None else _nothing,
         _nothing if depths is None else depth_reader(depths, numbers, camera),
     )
-    given_up = validate(WorldSection, {"up": up}, CALL).direction()
+    given_up = settings_of(WorldSection, {"up": up}, CALL).direction()
     trajectory = _trajectory(source, own, images, settings, progress)
     direction: ArrayLike
     if given_up is None:

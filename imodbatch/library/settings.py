@@ -8,6 +8,7 @@ unless they are told otherwise.
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
+import numpy as np
 import pandas as pd
 from pydantic import BaseModel
 
@@ -49,7 +50,11 @@ def settings_of(
         ConfigError: a key is unknown, or a value has the wrong form.
     """
     found = {name: value for name in brought if (value := _brought(name, tables)) is not None}
-    return validate(model, {**found, **given}, call)
+    plain = {
+        name: value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+        for name, value in given.items()
+    }
+    return validate(model, {**found, **plain}, call)
 
 
 def classes_of(given: Sequence[str] | None, call: str, *tables: object) -> tuple[str, ...]:
