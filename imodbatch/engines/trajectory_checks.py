@@ -25,7 +25,7 @@ from imodbatch.engines.rgbd.gray import Gray, read_gray
 from imodbatch.engines.rgbd.motion import Motion, motion_between, motion_of
 
 Array = NDArray[np.float64]
-N_FEATURES = 1000
+N_FEATURES = 1500
 CORNER_DISTANCE_PX, WINDOW_PX = 8, 21
 LEVELS_IF_EXPECTED, LEVELS_IF_NOT = 1, 4
 """Of the image pyramid: coarse levels take wallpaper for its next repeat."""
