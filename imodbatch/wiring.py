@@ -112,7 +112,7 @@ def _detect(
             grid,
         )
         return detect.run_imported(sequence.id, imported, context.n_classes, grid, config)
-    detector = _detector(read_checkpoint(_weights(context)), config.device)
+    detector = shared_detector(read_checkpoint(_weights(context)), config.device)
     _check_card(detector.card, context)
     return detect.run_detector(
         tables["frames"], context.read_color, detector, context.n_classes, grid, config, progress
@@ -136,7 +136,7 @@ def _weights(context: Context) -> Path:
 
 
 @lru_cache(maxsize=1)
-def _detector(checkpoint: Checkpoint, device: str) -> Any:
+def shared_detector(checkpoint: Checkpoint, device: str) -> Any:
     """One detector for all sequences of a process; other bytes under the same name are another."""
     from imodbatch.engines.detector.inference import make_detector
 

@@ -35,7 +35,7 @@ def run(analytic_data, analytic_manifest, cli, tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
     manifest = folder / "small.toml"
     manifest.write_text(analytic_manifest(analytic_data, *SEQUENCES), encoding="utf-8")
-    settings = ["--set", "lift.max_depth_m=5.0", "--set", "score.iou_percents=[50,75]"]
+    settings = ["--set", "lift.max_depth_m=5.0", "--set", "matching.iou_percents=[50,75]"]
     result = cli("run", manifest, "--out", folder / "tables", *settings)
     assert result.exit_code == 0, result.output
     return lambda name: pd.read_parquet(folder / "tables" / name)

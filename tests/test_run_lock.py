@@ -20,8 +20,8 @@ from click.testing import Result
 from imodbatch import runner
 from imodbatch.errors import RunLockedError
 from imodbatch.run_lock import LOCK, OWNER, only_writer
+from imodbatch.wiring import STAGES
 
-STAGES = ("index", "poses", "detect", "lift", "fuse", "score", "report")
 REPOSITORY = Path(__file__).parents[1]
 
 
@@ -100,7 +100,7 @@ def test_reading_commands_do_not_wait_and_write_nothing(
         status = cli("status", manifest, "--out", run_dir)
         exported = cli("export", manifest, "--out", run_dir, "--to", tmp_path / "tum")
         assert names(run_dir) == before
-    assert "poses    walk_1           up to date" in status.stdout
+    assert "poses        walk_1           up to date" in status.stdout
     assert (status.exit_code, exported.exit_code) == (0, 0)
 
 

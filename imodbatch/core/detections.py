@@ -27,3 +27,19 @@ class Detections:
     def take(self, rows: NDArray[np.intp]) -> "Detections":
         """Some of the boxes, by their positions."""
         return Detections(self.boxes[rows], self.scores[rows], self.background[rows])
+
+
+def one_hot(
+    class_ids: NDArray[np.int64], scores: NDArray[np.float64], n_classes: int
+) -> NDArray[np.float32]:
+    """Scores (n, K) of a detector that names one class per box: an exact 0 for all others.
+
+    Args:
+        class_ids: (n,) ordinals, -1 = none of the K.
+        scores: (n,) of these classes.
+        n_classes: K.
+    """
+    found = np.zeros((len(class_ids), n_classes), dtype=np.float32)
+    rows = np.flatnonzero(class_ids >= 0)
+    found[rows, class_ids[rows]] = scores[rows]
+    return found

@@ -12,7 +12,14 @@ import numpy as np
 import pandas as pd
 from pydantic import BaseModel
 
-from imodbatch.config import FuseConfig, LiftConfig, ScoreConfig, ViewpointConfig, validate
+from imodbatch.config import (
+    FuseConfig,
+    LiftConfig,
+    MatchingConfig,
+    MetricsConfig,
+    ViewpointConfig,
+    validate,
+)
 from imodbatch.errors import ConfigError
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -27,7 +34,8 @@ class FuseSettings(FuseConfig, ViewpointConfig):
     """`[fuse]` and `[viewpoint]`."""
 
 
-ScoreSettings = ScoreConfig
+class ScoreSettings(MatchingConfig, MetricsConfig):
+    """`[matching]` and `[metrics]`."""
 
 
 def settings_of(

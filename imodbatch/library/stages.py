@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from imodbatch.config import DetectConfig
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage
-from imodbatch.engines.detector.card import weights_digest
+from imodbatch.engines.coco import coco_ap
+from imodbatch.engines.detector.card import read_checkpoint
 from imodbatch.images import UnreadableImageError
 from imodbatch.library.fitting import boxes_and_poses, boxes_and_sightings, results_and_truth
 from imodbatch.library.images import Images, color_reader, depth_reader, frame_numbers
@@ -35,7 +36,7 @@ from imodbatch.stages import lift as lift_stage
 from imodbatch.stages import score as score_stage
 from imodbatch.stages.base import Progress, StageResult, column
 from imodbatch.weights import find_weights
-from imodbatch.wiring import _coco_ap, _detector
+from imodbatch.wiring import shared_detector
 
 
 def detect(
@@ -67,7 +68,7 @@ def detect(
     """
     config = settings_of(DetectConfig, {**settings, "weights": str(weights)}, "detect")
     path = find_weights(str(weights))
-    detector = _detector(path, config.device, weights_digest(path))
+    detector = shared_detector(read_checkpoint(path), config.device)
     card = detector.card
     numbers = frame_numbers(frame_index, colors=colors)
     read = color_reader(colors, numbers)
@@ -79,7 +80,10 @@ def detect(
         return image
 
     frames = frames_of(NO_CAMERA, numbers, sequence_id)
-    result = detect_stage.run_detector(frames, color, detector, len(card.classes), config, progress)
+    shape = (max(len(card.elevations_deg), 1), card.n_azimuths)
+    result = detect_stage.run_detector(
+        frames, color, detector, len(card.classes), shape, config, progress
+    )
     grid = {"n_azimuths": card.n_azimuths, "elevations_deg": tuple(card.elevations_deg)}
     has_views = len(card.elevations_deg) * card.n_azimuths > 1
     return told(result, "detections", classes=tuple(card.classes), **(grid if has_views else {}))
@@ -194,7 +198,7 @@ def score(
             in pixels, stay unknown.
         frames: table with the frames looked at, such as `poses`; None = those with a box or an
             annotation. Only the background's figures depend on the others.
-        settings: keys of ``[score]`` of a pipeline file.
+        settings: keys of ``[matching]`` and ``[metrics]`` of a pipeline file.
 
     Returns:
         The table `metrics`: AP, precision, recall and more per method and class.
@@ -214,7 +218,14 @@ def score(
         matched.append(score_stage.match(fused_rows, boxes, true, config))
     matches = _joined(matched, "matches").tables["matches"]
     result = score_stage.summarise(
-        tables.frames, tables.annotations, tables.detections, matches, names, _coco_ap, config
+        tables.frames,
+        tables.annotations,
+        tables.detections,
+        matches,
+        names,
+        coco_ap,
+        config,
+        config,
     )
     return told(result, "metrics")
 

@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from imodbatch.config import did_you_mean
 from imodbatch.core.camera import PinholeCamera
+from imodbatch.core.detections import one_hot
 from imodbatch.core.frames import is_rigid
 from imodbatch.core.trajectory import LOST, TRACKED, FramePoses, Trajectory
-from imodbatch.datasets.detections.found import one_hot
 from imodbatch.errors import DataError
 from imodbatch.schemas import ANNOTATIONS, BOX, DETECTIONS, FRAMES, POSES, TableSpec
 from imodbatch.stages import poses

@@ -29,8 +29,8 @@ PIPELINE = """
 [fuse]
 methods = ["single", "imod"]
 mode = "online"
-[score]
-voxel_sweep_m = [0.2]
+[sweep]
+voxel_sizes_m = [0.2]
 """
 SETTINGS = ("detect.score_threshold=0.05", "detect.score_threshold=0.4", "lift.voxel_size_m=0.3")
 PRELOAD = ["imodbatch.cli", "imodbatch.runner", "imodbatch.publishing", "faster_coco_eval"]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imodbatch.core.boxes import area, clip
-from imodbatch.core.detections import Detections
+from imodbatch.core.detections import Detections, one_hot
 from imodbatch.datasets.base import Footage
 from imodbatch.datasets.names import NO_AREA, OUTSIDE_IMAGE, UNKNOWN_FRAMES, Place, sharing
 from imodbatch.errors import DataError
@@ -131,10 +131,8 @@ def of_classes(
         DataError: a score is no probability.
     """
     check_scores(entries, scores)
-    of_views = np.zeros((len(scores), n_classes), dtype=np.float32)
-    for row, class_id in enumerate(class_ids):
-        if class_id is not None:
-            of_views[row, class_id] = scores[row]
+    ordinals = np.array([-1 if k is None else k for k in class_ids], dtype=np.int64)
+    of_views = one_hot(ordinals, scores, n_classes)
     return Detections(boxes, of_views, (1.0 - scores).astype(np.float32))
 
 
