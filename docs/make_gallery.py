@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from imodbatch.images import read_color
-from imodbatch.simulation.objects import OBJECTS
-from imodbatch.simulation.scene import render_view
-from imodbatch.simulation.tabletop.world import POOL
-from imodbatch.simulation.variants import RGBD5, make_instance
-from imodbatch.training.cutouts import Cutouts, load_cutouts
+from imodbatch.datasets.images import read_color
+from imodbatch.lab.objects import OBJECTS
+from imodbatch.lab.pictures.cutouts import Cutouts, load_cutouts
+from imodbatch.lab.scene import render_view
+from imodbatch.lab.tabletop.world import POOL
+from imodbatch.lab.variants import RGBD5, make_instance
 
 Rgb = tuple[int, int, int]
 Box = tuple[float, float, float, float]

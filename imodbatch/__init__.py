@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from imodbatch.core.camera import PinholeCamera as Camera
-    from imodbatch.errors import ImodError
-    from imodbatch.library import detect, estimate_poses, fuse, lift, score
+    from imodbatch.core.errors import ImodError
+    from imodbatch.run.library import detect, estimate_poses, fuse, lift, score
 
 __version__ = "0.1.0"
 __all__ = ["Camera", "ImodError", "detect", "estimate_poses", "fuse", "lift", "score"]
@@ -29,7 +29,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if name == "Camera":
         return import_module("imodbatch.core.camera").PinholeCamera
-    home = "imodbatch.errors" if name == "ImodError" else "imodbatch.library"
+    home = "imodbatch.core.errors" if name == "ImodError" else "imodbatch.run.library"
     return getattr(import_module(home), name)
 
 

@@ -7,8 +7,8 @@ import hypothesis
 import pytest
 from click.testing import CliRunner, Result
 
-from imodbatch.cli import main
-from imodbatch.simulation.analytic import write_dataset
+from imodbatch.cli.main import main
+from imodbatch.lab.analytic import write_dataset
 
 REPOSITORY = Path(__file__).parents[1]
 SEQUENCE = '[[sequences]]\nid = "{0}"\npath = "{0}"\n'

@@ -14,7 +14,7 @@ import numpy as np
 from imodbatch.core.alignment import align_poses, rotation_angle_rad
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import invert, make_transform
-from imodbatch.engines.rgbd import RgbdFrames
+from imodbatch.poses.rgbd import RgbdFrames
 
 CAMERA = PinholeCamera(320, 240, 270.0, 272.0, 158.0, 121.0)
 TEXEL_M = 1 / 160

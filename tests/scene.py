@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.viewpoint import ViewGrid, view_angles
-from imodbatch.simulation.analytic.catalogue import CAN, CARTON, CLASSES, MUG, half_height_m
-from imodbatch.simulation.analytic.path import look_at
-from imodbatch.simulation.analytic.render import shade, trace
-from imodbatch.simulation.analytic.truth import true_objects
-from imodbatch.simulation.analytic.world import PlacedObject, Surface, World, build_world
+from imodbatch.lab.analytic.catalogue import CAN, CARTON, CLASSES, MUG, half_height_m
+from imodbatch.lab.analytic.path import look_at
+from imodbatch.lab.analytic.render import shade, trace
+from imodbatch.lab.analytic.truth import true_objects
+from imodbatch.lab.analytic.world import PlacedObject, Surface, World, build_world
 
 Array = NDArray[np.float64]
 

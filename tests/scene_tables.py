@@ -5,13 +5,13 @@ from functools import cache
 import numpy as np
 from scene import CAMERA, GRID, make_scene
 
-from imodbatch.config import LiftConfig, Pipeline, ViewpointConfig
 from imodbatch.core.frames import quaternion_from_matrix
-from imodbatch.schemas import ANNOTATIONS, DETECTIONS, FRAMES, POSES
-from imodbatch.simulation.analytic.catalogue import CLASSES
-from imodbatch.stages import lift
-from imodbatch.stages.refusion import Evidence
-from imodbatch.tables import from_columns, from_rows
+from imodbatch.fusion import lift
+from imodbatch.lab.analytic.catalogue import CLASSES
+from imodbatch.scoring.refusion import Evidence
+from imodbatch.settings.config import LiftConfig, Pipeline, ViewpointConfig
+from imodbatch.tables.parquet import from_columns, from_rows
+from imodbatch.tables.schemas import ANNOTATIONS, DETECTIONS, FRAMES, POSES
 
 SCENE = make_scene()
 N_FRAMES, N_OBJECTS = SCENE.boxes_px.shape[:2]

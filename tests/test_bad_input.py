@@ -67,7 +67,7 @@ class Project:
         """Stage → what a run that ends with exit code 0 says of it; a page takes a second more."""
         with pytest.MonkeyPatch.context() as patch:
             if not has_page:
-                patch.setattr("imodbatch.stages.report.run", lambda *_: Path("report.html"))
+                patch.setattr("imodbatch.reporting.report.run", lambda *_: Path("report.html"))
             result = self.call("run", *more)
         assert result.exit_code == 0, result.output
         warnings = result.stderr.splitlines()
@@ -563,9 +563,9 @@ def save_tiny_detector(
     """A random network that finds many boxes, none of them right."""
     import torch
 
-    from imodbatch.engines.detector.card import LIGHT, DetectorCard
-    from imodbatch.engines.detector.checkpoint import save_checkpoint
-    from imodbatch.engines.detector.network import build_detector
+    from imodbatch.detection.card import LIGHT, DetectorCard
+    from imodbatch.detection.checkpoint import save_checkpoint
+    from imodbatch.detection.network import build_detector
 
     small = {"fpn_channels": 16, "head_width": 32, "roi_size": 3, "n_rois": 12}
     card = DetectorCard(

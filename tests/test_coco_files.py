@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from imodbatch.coco import CocoFile, box_entry, coco_text, image_entry
-from imodbatch.errors import DataError
+from imodbatch.core.errors import DataError
+from imodbatch.datasets.coco import CocoFile, box_entry, coco_text, image_entry
 
 IMAGES = [image_entry(7, "color/7.png", (64, 48)), image_entry(9, "color/9.png", (64, 48))]
 CUP = box_entry(0, (1.0, 2.0, 4.0, 8.0), 18.0, is_ignored=False, instance="cup_1", azimuth_deg=30.0)

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from click.testing import Result
 
-from imodbatch.schemas import TABLES
+from imodbatch.tables.schemas import TABLES
 
 REPOSITORY = Path(__file__).parents[1]
 SEQUENCES = ["walk_1", "walk_2"]

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting, skipped
 from imodbatch.checkup.subject import Subject
-from imodbatch.config import did_you_mean
+from imodbatch.core.errors import ImodError
 from imodbatch.datasets.annotations import read_entries as annotated_boxes
 from imodbatch.datasets.annotations.entries import Entry
 from imodbatch.datasets.base import Footage
-from imodbatch.errors import ImodError
+from imodbatch.settings.config import did_you_mean
 
 Array = NDArray[np.float64]
 OUTSIDE_PX = 2.0

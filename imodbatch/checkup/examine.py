@@ -32,10 +32,10 @@ from imodbatch.checkup.trajectory import check_poses, check_stamps
 from imodbatch.checkup.upright import check_up
 from imodbatch.checkup.views import Sample, View, draw, reader
 from imodbatch.core.depth import DepthImage
+from imodbatch.core.errors import ImodError
 from imodbatch.datasets.annotations.entries import Entry
-from imodbatch.engines.rgbd.motion import motion_between
-from imodbatch.errors import ImodError
-from imodbatch.manifest import AnnotationsSection, Manifest, SequenceSection
+from imodbatch.poses.rgbd.motion import motion_between
+from imodbatch.settings.manifest import AnnotationsSection, Manifest, SequenceSection
 
 Progress = Callable[[Iterable[Any], str], Iterable[Any]]
 N_FRAMES = 40

@@ -11,9 +11,8 @@ from pathlib import Path
 from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting
 from imodbatch.checkup.subject import Subject
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.datasets.registry import miscount
-from imodbatch.errors import DataError
-from imodbatch.images import (
+from imodbatch.core.errors import DataError
+from imodbatch.datasets.images import (
     UnreadableImageError,
     check_color_mode,
     check_depth_mode,
@@ -21,6 +20,7 @@ from imodbatch.images import (
     read_color,
     read_depth,
 )
+from imodbatch.datasets.registry import miscount
 
 Progress = Callable[[Iterable[int]], Iterable[int]]
 PNG_END, JPEG_END = b"IEND\xaeB`\x82", b"\xff\xd9"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from imodbatch.checkup.motions import Motions, median_error_px
 from imodbatch.checkup.peaks import peak
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.engines.rgbd.resection import ransac
+from imodbatch.poses.rgbd.resection import ransac
 
 Array = NDArray[np.float64]
 FACTORS = np.exp(np.linspace(np.log(0.72), np.log(1.38), 27))

@@ -15,7 +15,7 @@ from imodbatch.checkup.views import Sample
 from imodbatch.core.alignment import rotation_angle_rad
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import invert
-from imodbatch.engines.rgbd.motion import motion_between
+from imodbatch.poses.rgbd.motion import motion_between
 
 Array = NDArray[np.float64]
 MOST_POINTS = 120

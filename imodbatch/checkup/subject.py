@@ -7,13 +7,13 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from imodbatch.config import PosesConfig
+from imodbatch.core.errors import ImodError
 from imodbatch.core.trajectory import Trajectory
 from imodbatch.datasets.base import CameraModel, FrameFile, Odometry
 from imodbatch.datasets.registry import annotated, camera_model, layout_of
-from imodbatch.errors import ImodError
-from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
-from imodbatch.stages.poses import from_odometry
+from imodbatch.poses.association import from_odometry
+from imodbatch.settings.config import PosesConfig
+from imodbatch.settings.manifest import Manifest, OdometrySection, SequenceSection
 
 Array = NDArray[np.float64]
 

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting, skipped
 from imodbatch.checkup.subject import Subject
 from imodbatch.core.alignment import rotation_angle_rad
+from imodbatch.core.errors import ImodError
 from imodbatch.core.frames import invert, is_rigid
 from imodbatch.core.pairs import steps_m
 from imodbatch.core.trajectory import Trajectory
 from imodbatch.datasets.base import NS_PER_MS, Odometry
-from imodbatch.errors import ImodError
 
 Array = NDArray[np.float64]
 Ask = Callable[[int, int], Array | None]

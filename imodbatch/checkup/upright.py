@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 
 from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting, skipped
 from imodbatch.checkup.views import View
-from imodbatch.engines.levelling import MAX_DEPTH_M, estimate_up
-from imodbatch.engines.levelling.up import Up
-from imodbatch.errors import DataError
-from imodbatch.manifest import WorldSection
+from imodbatch.core.errors import DataError
+from imodbatch.poses.levelling import MAX_DEPTH_M, estimate_up
+from imodbatch.poses.levelling.up import Up
+from imodbatch.settings.manifest import WorldSection
 
 Array = NDArray[np.float64]
 MOST_VIEWS = 12

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage, register
+from imodbatch.core.errors import DataError
 from imodbatch.datasets.base import CameraModel, FrameFile
-from imodbatch.engines.rgbd.features import FeatureExtractor, Features
-from imodbatch.engines.rgbd.gray import Gray, to_gray
-from imodbatch.engines.rgbd.matching import mutual_matches
-from imodbatch.errors import DataError
-from imodbatch.images import read_color, read_depth
-from imodbatch.manifest import Manifest
+from imodbatch.datasets.images import read_color, read_depth
+from imodbatch.poses.rgbd.features import FeatureExtractor, Features
+from imodbatch.poses.rgbd.gray import Gray, to_gray
+from imodbatch.poses.rgbd.matching import mutual_matches
+from imodbatch.settings.manifest import Manifest
 
 Array = NDArray[np.float64]
 Pairs = list[tuple[int, int]]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.manifest import Manifest, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
 
 NS_PER_S, NS_PER_MS = 1_000_000_000, 1_000_000
 

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
+from imodbatch.core.errors import ConfigError, DataError
 from imodbatch.core.trajectory import associate
 from imodbatch.datasets.base import NS_PER_MS, NS_PER_S, CameraModel, FrameFile, nanoseconds
 from imodbatch.datasets.layout import Layout, frame_file, registered
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.text import read_lines
-from imodbatch.errors import ConfigError, DataError
-from imodbatch.manifest import ImagesSection, Manifest, SequenceSection
+from imodbatch.settings.manifest import ImagesSection, Manifest, SequenceSection
 
 
 def _frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:

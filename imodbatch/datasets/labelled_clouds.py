@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from imodbatch.core.errors import DataError
 from imodbatch.core.voxels import group_labels, voxel_indices
 from imodbatch.datasets.ply import read_points
-from imodbatch.errors import DataError
 
 Array = NDArray[np.float64]
 THINNED_PER_GAP = 5

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from imodbatch.core.camera import PinholeCamera
+from imodbatch.core.errors import ConfigError
 from imodbatch.datasets.base import CameraModel, FrameFile, Odometry
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.trajectories import read_odometry, trajectory_files
-from imodbatch.errors import ConfigError
-from imodbatch.manifest import (
+from imodbatch.settings.manifest import (
     AnnotationsSection,
     ImagesSection,
     Manifest,

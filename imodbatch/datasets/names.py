@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from imodbatch.coco import CocoFile, JsonId
-from imodbatch.config import did_you_mean
+from imodbatch.core.errors import ConfigError, DataError
 from imodbatch.datasets.base import Footage
-from imodbatch.errors import ConfigError, DataError
-from imodbatch.manifest import Manifest, SequenceSection
+from imodbatch.datasets.coco import CocoFile, JsonId
+from imodbatch.settings.config import did_you_mean
+from imodbatch.settings.manifest import Manifest, SequenceSection
 
 OTHER_FRAMES = "other frames"
 """Reason: an image of another sequence, or outside the manifest's slice."""

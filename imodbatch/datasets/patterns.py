@@ -4,7 +4,7 @@ import re
 from functools import cached_property
 from pathlib import Path
 
-from imodbatch.errors import ConfigError
+from imodbatch.core.errors import ConfigError
 
 FIELDS = {"frame": r"(?P<frame>\d+)", "stamp": r"(?P<stamp>\d+(?:\.\d+)?)", "name": r"(?P<name>.+)"}
 

@@ -11,7 +11,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.errors import DataError
+from imodbatch.core.errors import DataError
 
 TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),

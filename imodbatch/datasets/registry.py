@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from imodbatch.config import did_you_mean
+from imodbatch.core.errors import ConfigError
 from imodbatch.datasets import (
     folder,
     rgbd_scenes_v1,
@@ -17,8 +17,8 @@ from imodbatch.datasets import (
 )
 from imodbatch.datasets.base import CameraModel
 from imodbatch.datasets.layout import Layout
-from imodbatch.errors import ConfigError
-from imodbatch.manifest import Manifest, SequenceSection
+from imodbatch.settings.config import did_you_mean
+from imodbatch.settings.manifest import Manifest, SequenceSection
 
 LAYOUTS: dict[str, Layout] = {
     "folder": folder.LAYOUT,

@@ -9,7 +9,12 @@ from imodbatch.datasets.base import FrameFile
 from imodbatch.datasets.layout import Layout, paired_frames
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.uw_kinect import cameras
-from imodbatch.manifest import AnnotationsSection, Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.manifest import (
+    AnnotationsSection,
+    Manifest,
+    OdometrySection,
+    SequenceSection,
+)
 
 ALIGNED = "rgbd-scenes_aligned"
 

@@ -3,12 +3,12 @@
 A sequence's `path` is its folder below ``imgs``. The number at its end names the files in ``pc``.
 """
 
+from imodbatch.core.errors import DataError
 from imodbatch.datasets.base import FrameFile
 from imodbatch.datasets.layout import Layout, always, paired_frames
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.uw_kinect import cameras
-from imodbatch.errors import DataError
-from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.manifest import Manifest, OdometrySection, SequenceSection
 
 IMAGES = "imgs"
 POSES = OdometrySection(format="uw", path="pc/{number}.pose")

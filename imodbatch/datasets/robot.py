@@ -15,13 +15,13 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from imodbatch.config import validate
+from imodbatch.core.errors import ConfigError, DataError
 from imodbatch.datasets import folder
 from imodbatch.datasets.base import CameraModel, FrameFile
 from imodbatch.datasets.layout import Layout, always, registered
 from imodbatch.datasets.patterns import PathPattern
-from imodbatch.errors import ConfigError, DataError
-from imodbatch.manifest import (
+from imodbatch.settings.config import validate
+from imodbatch.settings.manifest import (
     AnnotationsSection,
     ImagesSection,
     Intrinsics,

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
+from imodbatch.core.errors import DataError
 from imodbatch.datasets.base import CameraModel, FrameFile
+from imodbatch.datasets.images import UnreadableImageError, probe
 from imodbatch.datasets.layout import Layout, always, paired_frames
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.text import read_numbers
-from imodbatch.errors import DataError
-from imodbatch.images import UnreadableImageError, probe
-from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.manifest import Manifest, OdometrySection, SequenceSection
 
 POSES = OdometrySection(format="matrix", path="pose/{frame}.txt")
 DEPTH = PathPattern("depth/{frame}.png")

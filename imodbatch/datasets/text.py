@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.errors import DataError, one_line
+from imodbatch.core.errors import DataError, one_line
 
 Row = tuple[str, list[str]]
 """File and line, for errors; and the columns."""

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.config import did_you_mean
+from imodbatch.core.errors import DataError
 from imodbatch.core.frames import is_rigid, make_transform, matrix_from_quaternion
 from imodbatch.datasets.base import NS_PER_MS, NS_PER_S, FrameFile, Odometry, nanoseconds
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.text import number, read_lines, read_numbers, read_rows
-from imodbatch.errors import DataError
-from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.config import did_you_mean
+from imodbatch.settings.manifest import Manifest, OdometrySection, SequenceSection
 
 Array = NDArray[np.float64]
 NO_STAMP = np.iinfo(np.int64).min // 2  # stands where a stamp is missing; its pose is NaN

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
+from imodbatch.core.errors import DataError
 from imodbatch.core.trajectory import associate
 from imodbatch.datasets.base import NS_PER_MS, CameraModel, FrameFile, nanoseconds
 from imodbatch.datasets.layout import Layout, always, registered
 from imodbatch.datasets.text import read_rows
-from imodbatch.errors import DataError
-from imodbatch.manifest import ImagesSection, Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.manifest import ImagesSection, Manifest, OdometrySection, SequenceSection
 
 COLOR_LIST, DEPTH_LIST = "rgb.txt", "depth.txt"
 TRUE_POSES = OdometrySection(format="tum", path="{sequence}/groundtruth.txt")

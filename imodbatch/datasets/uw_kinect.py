@@ -3,7 +3,7 @@
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.datasets.base import CameraModel
 from imodbatch.datasets.layout import registered
-from imodbatch.manifest import Manifest, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
 
 # The authors' depthToCloud.m has f = 570.3 and the centre at pixel (320, 240) counted from 1: that
 # pixel's own centre is 319.5, 239.5 in continuous pixels.

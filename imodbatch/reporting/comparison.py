@@ -12,11 +12,11 @@ import numpy as np
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from imodbatch.core.errors import ConfigError
 from imodbatch.core.matching import Outcome
 from imodbatch.core.precision import rank
 from imodbatch.core.resampling import RankedBoxes, pooled_ap
 from imodbatch.core.scoring import mean_over_classes
-from imodbatch.errors import ConfigError
 from imodbatch.reporting.results import Results
 from imodbatch.reporting.run_folder import FinishedRun
 

@@ -9,8 +9,8 @@ import numpy as np
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from imodbatch.core.errors import DataError
 from imodbatch.core.matching import OUTCOME_NAMES, Outcome
-from imodbatch.errors import DataError
 from imodbatch.reporting.names import method_style
 from imodbatch.reporting.pictures import DrawnBox, Kind, draw_boxes, jpeg_data_uri
 from imodbatch.reporting.results import MatchColumns, Results

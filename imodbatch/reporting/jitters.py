@@ -11,7 +11,7 @@ from imodbatch.reporting.figures import Panel, PanelLine, panels_svg
 from imodbatch.reporting.grids import Cell, Column, Grid, Row
 from imodbatch.reporting.names import AP_METRICS, in_order, method_style, number
 from imodbatch.reporting.scores import to_csv
-from imodbatch.schemas import JITTERS
+from imodbatch.tables.schemas import JITTERS
 
 KINDS = {
     "jitter": "Jitter: each frame wrong on its own",

@@ -10,7 +10,7 @@ from imodbatch.reporting.grids import Cell, Column, Grid, Row
 from imodbatch.reporting.names import DASH, number
 from imodbatch.reporting.run_info import RunInfo
 from imodbatch.reporting.scores import to_csv
-from imodbatch.schemas import MEAN_CLASS_ID
+from imodbatch.tables.schemas import MEAN_CLASS_ID
 
 STAGE_OF_TABLE = {
     "frames": "index",

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from imodbatch.core.errors import ConfigError
 from imodbatch.core.matching import Outcome
 from imodbatch.core.scoring import mean_over_classes
 from imodbatch.core.tuning import (
@@ -21,7 +22,6 @@ from imodbatch.core.tuning import (
     reaches,
     tune_thresholds,
 )
-from imodbatch.errors import ConfigError
 from imodbatch.reporting.comparison import Comparison
 from imodbatch.reporting.names import OFFLINE, method_style
 from imodbatch.reporting.results import MatchColumns

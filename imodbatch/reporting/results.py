@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from imodbatch.core.matching import OUTCOME_NAMES, Outcome
 from imodbatch.core.precision import precision_recall, rank
 from imodbatch.reporting.names import in_order
-from imodbatch.schemas import MEAN_CLASS_ID, SEVERAL_IOUS
+from imodbatch.tables.schemas import MEAN_CLASS_ID, SEVERAL_IOUS
 
 USUAL_IOU_PERCENT = 50
 TUNED_ON_TEST = "threshold_tuned_on_test"

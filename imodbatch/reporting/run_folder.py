@@ -5,10 +5,17 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from imodbatch.errors import TableError
+from imodbatch.core.errors import TableError
 from imodbatch.reporting.results import Results
-from imodbatch.schemas import TABLES
-from imodbatch.tables import Stored, TableInfo, read_info, read_stored, read_table, table_path
+from imodbatch.tables.parquet import (
+    Stored,
+    TableInfo,
+    read_info,
+    read_stored,
+    read_table,
+    table_path,
+)
+from imodbatch.tables.schemas import TABLES
 
 CURE = "Bring it up to date with `imodbatch run`."
 

@@ -8,7 +8,7 @@ from imodbatch.reporting.grids import Cell, Column, Grid, Row, marked_best
 from imodbatch.reporting.names import AP_METRICS, method_style, number, percent, plural
 from imodbatch.reporting.paper import MARK, PaperColumn
 from imodbatch.reporting.results import Results
-from imodbatch.schemas import BACKGROUND_CLASS_ID, MEAN_CLASS_ID, SEVERAL_IOUS
+from imodbatch.tables.schemas import BACKGROUND_CLASS_ID, MEAN_CLASS_ID, SEVERAL_IOUS
 
 HEADLINE = "ap_voc07_11pt"
 

@@ -7,12 +7,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.core.resampling import (
-    Interval,
-    draw_sequences,
-    mean_aps,
-    percentile_interval,
-)
+from imodbatch.core.resampling import Interval, draw_sequences, mean_aps, percentile_interval
 from imodbatch.reporting.comparison import (
     DIFFERENCES,
     WITH_VIEW,

@@ -17,7 +17,7 @@ from imodbatch.reporting.operating_points import (
 )
 from imodbatch.reporting.paper import MARK, TABLE_2, PaperColumn
 from imodbatch.reporting.scores import paper_cell
-from imodbatch.schemas import BACKGROUND_CLASS_ID, MEAN_CLASS_ID
+from imodbatch.tables.schemas import BACKGROUND_CLASS_ID, MEAN_CLASS_ID
 
 BACKGROUND, MEAN = "background", "mean"
 GRID_NAMES = {ON_TEST: "tuned-on-test", HELD_OUT: "held-out"}

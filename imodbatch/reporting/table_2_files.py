@@ -11,7 +11,7 @@ from imodbatch.reporting.operating_points import TUNINGS, Table2Column
 from imodbatch.reporting.paper import MARK, TABLE_2
 from imodbatch.reporting.scores import to_csv
 from imodbatch.reporting.table_2 import precision_recall, table_2_rows
-from imodbatch.schemas import MEAN_CLASS_ID
+from imodbatch.tables.schemas import MEAN_CLASS_ID
 
 OURS = "ours"
 FIGURES = pa.schema(

@@ -12,15 +12,15 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from imodbatch.config import Pipeline, load_pipeline
 from imodbatch.core.fusion import fuse
 from imodbatch.core.viewpoint import ViewGrid
+from imodbatch.fusion.evidence import sightings_of
 from imodbatch.reporting.run_folder import open_run
-from imodbatch.schemas import TABLES
-from imodbatch.stages.evidence import sightings_of
-from imodbatch.stages.limits import best_boxes, oracle_voxels
-from imodbatch.stages.refusion import Evidence
-from imodbatch.tables import read_table, table_path
+from imodbatch.scoring.limits import best_boxes, oracle_voxels
+from imodbatch.scoring.refusion import Evidence
+from imodbatch.settings.config import Pipeline, load_pipeline
+from imodbatch.tables.parquet import read_table, table_path
+from imodbatch.tables.schemas import TABLES
 
 Array = NDArray[np.float64]
 METHODS = ("single", "naive", "imod", "imod_offline")

@@ -6,7 +6,7 @@ import numpy as np
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import register
-from imodbatch.engines.open3d_library import open3d
+from imodbatch.libraries.open3d_library import open3d
 
 DEPTH = PinholeCamera(640, 480, 585.0, 585.0, 320.0, 240.0)
 COLOR = PinholeCamera(640, 480, 525.0, 525.0, 320.0, 240.0)

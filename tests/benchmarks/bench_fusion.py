@@ -11,7 +11,7 @@ import numpy as np
 from imodbatch.core.fusion import Sightings, fuse, marginal
 from imodbatch.core.precision import ap_voc07_11pt
 from imodbatch.core.scoring import Candidates, Truth, average_precisions, match_all
-from imodbatch.engines.coco import coco_ap
+from imodbatch.scoring.coco import coco_ap
 
 
 def seconds(function: Callable[[], object], repeats: int = 3) -> float:

@@ -9,8 +9,7 @@ import numpy as np
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import make_transform
-from imodbatch.engines.open3d_library import open3d
-from imodbatch.engines.raycast import (
+from imodbatch.lab.render.raycast import (
     BulbLight,
     Instance,
     Mesh,
@@ -21,6 +20,7 @@ from imodbatch.engines.raycast import (
     render_view,
     viewpoint_transform,
 )
+from imodbatch.libraries.open3d_library import open3d
 
 CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 320.0, 240.0)
 N_RUNS = 7

@@ -17,17 +17,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.config import Pipeline, SlamConfig
-from imodbatch.context import Context
 from imodbatch.core.alignment import absolute_errors_m, align_poses
 from imodbatch.core.frames import invert
+from imodbatch.datasets import index
 from imodbatch.datasets.registry import layout_of
-from imodbatch.engines import slam
-from imodbatch.engines.open3d_library import intrinsics, open3d, rgbd_image
-from imodbatch.engines.rgbd import RgbdFrames
-from imodbatch.manifest import load_manifest
-from imodbatch.posing import rgbd_frames
-from imodbatch.stages import index, poses
+from imodbatch.libraries.open3d_library import intrinsics, open3d, rgbd_image
+from imodbatch.poses import association as poses
+from imodbatch.poses import slam
+from imodbatch.poses.rgbd import RgbdFrames
+from imodbatch.run.context import Context
+from imodbatch.run.posing import rgbd_frames
+from imodbatch.settings.config import Pipeline, SlamConfig
+from imodbatch.settings.manifest import load_manifest
 
 Poses = NDArray[np.float64]
 MAX_DEPTH_M = 4.0

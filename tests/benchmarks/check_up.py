@@ -16,12 +16,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from imodbatch.config import load_pipeline
-from imodbatch.context import Context
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.manifest import load_manifest
-from imodbatch.posing import TRAJECTORY_SOURCES, estimate_up
-from imodbatch.stages import index
+from imodbatch.datasets import index
+from imodbatch.run.context import Context
+from imodbatch.run.posing import TRAJECTORY_SOURCES, estimate_up
+from imodbatch.settings.config import load_pipeline
+from imodbatch.settings.manifest import load_manifest
 
 Array = np.ndarray
 MAX_FRAMES = 120

@@ -20,8 +20,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from imodbatch.cli import main
-from imodbatch.simulation.analytic import write_dataset
+from imodbatch.cli.main import main
+from imodbatch.lab.analytic import write_dataset
 
 MANIFEST = Path(__file__).parents[2] / "manifests/analytic.toml"
 SEQUENCE = '\n[[sequences]]\nid = "walk_1"\npath = "walk_1"\n'
@@ -33,7 +33,12 @@ mode = "online"
 voxel_sizes_m = [0.2]
 """
 SETTINGS = ("detect.score_threshold=0.05", "detect.score_threshold=0.4", "lift.voxel_size_m=0.3")
-PRELOAD = ["imodbatch.cli", "imodbatch.runner", "imodbatch.publishing", "faster_coco_eval"]
+PRELOAD = [
+    "imodbatch.cli.main",
+    "imodbatch.run.runner",
+    "imodbatch.run.publishing",
+    "faster_coco_eval",
+]
 LATEST_START_S = 0.6
 Tables = dict[str, bytes]
 
@@ -49,7 +54,7 @@ def arguments(command: str, folder: Path, run_dir: Path, setting: str) -> list[s
 
 def call(arguments: list[str], wait_s: float, log: Path) -> None:
     """The command line in this process, without drawing the report's page, which no table needs."""
-    from imodbatch.stages import report
+    from imodbatch.reporting import report
 
     report.run = lambda *_: Path("report.html")
     time.sleep(wait_s)

@@ -18,7 +18,7 @@ from imodbatch.checkup.views import View
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import exp_twist, invert, make_transform
 from imodbatch.datasets.base import CameraModel
-from imodbatch.manifest import Manifest
+from imodbatch.settings.manifest import Manifest
 
 CAMERA = PinholeCamera(320, 240, 300.0, 300.0, 160.0, 120.0)
 

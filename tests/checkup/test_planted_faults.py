@@ -22,7 +22,7 @@ from dataset_faults import (
 )
 
 from imodbatch.core.frames import invert
-from imodbatch.simulation.analytic import write_dataset
+from imodbatch.lab.analytic import write_dataset
 
 N_KITCHEN = 240
 KITCHEN = """

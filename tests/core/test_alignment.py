@@ -15,13 +15,7 @@ from imodbatch.core.alignment import (
     rotation_angle_rad,
     summarise,
 )
-from imodbatch.core.frames import (
-    apply,
-    exp_twist,
-    invert,
-    make_transform,
-    matrix_from_quaternion,
-)
+from imodbatch.core.frames import apply, exp_twist, invert, make_transform, matrix_from_quaternion
 
 TURN = matrix_from_quaternion([0.8, 0.1, -0.5, 0.3])
 SHIFT = np.array([3.0, -2.0, 0.5])

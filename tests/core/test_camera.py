@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.engines.open3d_library import intrinsics, open3d
+from imodbatch.libraries.open3d_library import intrinsics, open3d
 
 CAMERA = PinholeCamera(64, 48, 52.5, 57.25, 31.75, 23.0)
 

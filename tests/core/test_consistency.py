@@ -13,7 +13,7 @@ from imodbatch.core.consistency import (
     tolerance_m,
 )
 from imodbatch.core.frames import exp_twist, invert, make_transform, matrix_from_quaternion
-from imodbatch.simulation.analytic.render import trace
+from imodbatch.lab.analytic.render import trace
 
 WALL = PinholeCamera(40, 30, 40.0, 40.0, 20.0, 15.0)
 

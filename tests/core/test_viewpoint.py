@@ -5,12 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from imodbatch.core.viewpoint import (
-    ViewGrid,
-    azimuth_bins_apart,
-    view_angles,
-    yaw_from_pose_bin,
-)
+from imodbatch.core.viewpoint import ViewGrid, azimuth_bins_apart, view_angles, yaw_from_pose_bin
 from imodbatch.core.voxels import group_labels, voxel_indices
 
 ELEVATIONS = tuple(np.radians([10.0, 30.0, 50.0]).tolist())

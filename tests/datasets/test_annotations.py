@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from imodbatch.core.errors import ConfigError, DataError, ImodError
 from imodbatch.datasets.annotations import annotation_files, read_annotations
 from imodbatch.datasets.base import FrameFile
 from imodbatch.datasets.seven_scenes import LAYOUT
-from imodbatch.errors import ConfigError, DataError, ImodError
-from imodbatch.manifest import Manifest
+from imodbatch.settings.manifest import Manifest
 
 WIDTH, HEIGHT = 100, 80
 BOX = ("x0_px", "y0_px", "x1_px", "y1_px")

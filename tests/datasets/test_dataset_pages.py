@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from imodbatch.config import validate
 from imodbatch.datasets.registry import LAYOUTS
-from imodbatch.manifest import Manifest, load_manifest
+from imodbatch.settings.config import validate
+from imodbatch.settings.manifest import Manifest, load_manifest
 
 REPOSITORY = Path(__file__).parents[2]
 PAGES = sorted((REPOSITORY / "docs" / "datasets").glob("*.md"))

@@ -10,11 +10,11 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
+from imodbatch.core.errors import ConfigError, DataError, ImodError
 from imodbatch.datasets.base import FrameFile
 from imodbatch.datasets.detections import detection_files, read_detections
 from imodbatch.datasets.seven_scenes import LAYOUT
-from imodbatch.errors import ConfigError, DataError, ImodError
-from imodbatch.manifest import Manifest
+from imodbatch.settings.manifest import Manifest
 
 WIDTH, HEIGHT = 100, 80
 GRID = (3, 16)

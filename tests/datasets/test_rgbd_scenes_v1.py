@@ -8,11 +8,11 @@ from PIL import Image
 from scipy.io import savemat
 
 from imodbatch.core.camera import PinholeCamera
+from imodbatch.core.errors import ConfigError, DataError
 from imodbatch.core.frames import make_transform, matrix_from_quaternion
+from imodbatch.datasets import index
 from imodbatch.datasets.registry import annotated, camera_model, layout_of
-from imodbatch.errors import ConfigError, DataError
-from imodbatch.manifest import Manifest, load_manifest
-from imodbatch.stages import index
+from imodbatch.settings.manifest import Manifest, load_manifest
 
 MANIFESTS = Path(__file__).parents[2] / "manifests"
 ALIGNED = "rgbd-scenes_aligned/desk/desk_1/desk_1.pose"

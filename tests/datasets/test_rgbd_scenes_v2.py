@@ -10,12 +10,12 @@ import pytest
 from PIL import Image
 
 from imodbatch.core.camera import PinholeCamera
+from imodbatch.core.errors import ConfigError, DataError
 from imodbatch.core.frames import apply, invert, make_transform, quaternion_from_matrix
+from imodbatch.datasets import index
 from imodbatch.datasets.annotations import annotation_files, read_annotations
 from imodbatch.datasets.registry import camera_model, layout_of
-from imodbatch.errors import ConfigError, DataError
-from imodbatch.manifest import Manifest, load_manifest
-from imodbatch.stages import index
+from imodbatch.settings.manifest import Manifest, load_manifest
 
 MANIFESTS = Path(__file__).parents[2] / "manifests"
 CAMERA = PinholeCamera(320, 240, 285.15, 285.15, 160.0, 120.0)

@@ -8,13 +8,12 @@ import pytest
 from PIL import Image
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.datasets import robot
+from imodbatch.core.errors import ConfigError, DataError, ImodError
+from imodbatch.datasets import index, robot
 from imodbatch.datasets.registry import annotated, camera_model, layout_of
-from imodbatch.errors import ConfigError, DataError, ImodError
-from imodbatch.manifest import Manifest, load_manifest
-from imodbatch.simulation.houses import write_house_dataset
-from imodbatch.simulation.objects import load_object
-from imodbatch.stages import index
+from imodbatch.lab.houses import write_house_dataset
+from imodbatch.lab.objects import load_object
+from imodbatch.settings.manifest import Manifest, load_manifest
 
 SMALL = PinholeCamera(96, 72, 80.0, 80.0, 48.0, 36.0)
 CAMERA = {

@@ -8,7 +8,7 @@ from PIL import Image
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.datasets import scannet
 from imodbatch.datasets.registry import camera_model
-from imodbatch.manifest import Manifest
+from imodbatch.settings.manifest import Manifest
 
 COLOR = (130.0, 131.0, 71.5, 53.5)  # fx fy cx cy for images of 144 × 108
 DEPTH = (57.0, 58.0, 31.5, 23.5)  # of 64 × 48

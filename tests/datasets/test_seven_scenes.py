@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from imodbatch.config import PosesConfig
 from imodbatch.core.camera import PinholeCamera
+from imodbatch.core.errors import DataError
 from imodbatch.core.frames import make_transform, matrix_from_quaternion
-from imodbatch.datasets import seven_scenes
+from imodbatch.datasets import index, seven_scenes
 from imodbatch.datasets.registry import camera_model, layout_of
-from imodbatch.errors import DataError
-from imodbatch.manifest import Manifest, OdometrySection, load_manifest
-from imodbatch.stages import index, poses
+from imodbatch.poses import association as poses
+from imodbatch.settings.config import PosesConfig
+from imodbatch.settings.manifest import Manifest, OdometrySection, load_manifest
 
 DATA = os.environ.get("IMODBATCH_DATA")
 MANIFESTS = Path(__file__).parents[2] / "manifests"

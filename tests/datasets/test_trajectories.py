@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imodbatch.config import PosesConfig
+from imodbatch.core.errors import DataError
 from imodbatch.core.frames import (
     invert,
     make_transform,
@@ -12,11 +12,11 @@ from imodbatch.core.frames import (
 )
 from imodbatch.datasets.base import FrameFile, nanoseconds
 from imodbatch.datasets.trajectories import NO_STAMP, read_odometry, trajectory_files
-from imodbatch.errors import DataError
-from imodbatch.manifest import Manifest
-from imodbatch.schemas import FRAMES
-from imodbatch.stages.poses import from_odometry
-from imodbatch.tables import from_rows
+from imodbatch.poses.association import from_odometry
+from imodbatch.settings.config import PosesConfig
+from imodbatch.settings.manifest import Manifest
+from imodbatch.tables.parquet import from_rows
+from imodbatch.tables.schemas import FRAMES
 
 Q_WXYZ = np.array([0.9, 0.1, -0.3, 0.2]) / np.linalg.norm([0.9, 0.1, -0.3, 0.2])
 POSE = make_transform(matrix_from_quaternion(Q_WXYZ), [0.5, -1.0, 2.0])

@@ -8,10 +8,10 @@ import pytest
 from PIL import Image
 
 from imodbatch.core.camera import PinholeCamera
+from imodbatch.core.errors import ConfigError, ImodError
 from imodbatch.datasets import tum
 from imodbatch.datasets.registry import camera_model, layout_of
-from imodbatch.errors import ConfigError, ImodError
-from imodbatch.manifest import Manifest
+from imodbatch.settings.manifest import Manifest
 
 DESK = "rgbd_dataset_freiburg1_desk"
 START = 1305031453
@@ -303,7 +303,7 @@ def test_poses_of_another_time_are_one_line(project, cli):
 
 
 def test_shipped_manifest_names_the_series(monkeypatch):
-    from imodbatch.manifest import load_manifest
+    from imodbatch.settings.manifest import load_manifest
 
     monkeypatch.setenv("IMODBATCH_DATA", "/data")
     manifest = load_manifest(Path(__file__).parents[2] / "manifests" / "tum_fr1_desk.toml")

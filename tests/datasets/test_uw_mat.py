@@ -9,10 +9,10 @@ import pytest
 from numpy.lib.recfunctions import repack_fields
 from scipy.io import savemat
 
+from imodbatch.core.errors import DataError
 from imodbatch.datasets.annotations import annotation_files, read_annotations
 from imodbatch.datasets.base import FrameFile
-from imodbatch.errors import DataError
-from imodbatch.manifest import Manifest
+from imodbatch.settings.manifest import Manifest
 
 DATA = os.environ.get("IMODBATCH_DATA")
 CLASSES = ["bowl", "cap", "cereal_box", "coffee_mug", "soda_can"]

@@ -8,7 +8,7 @@ from imodbatch.datasets.annotations import coco, uw_labelled_cloud, uw_mat, voc,
 from imodbatch.datasets.annotations.entries import Entry, annotation_file, to_reading
 from imodbatch.datasets.annotations.per_image import label_files
 from imodbatch.datasets.base import Footage, FrameFile, Reading
-from imodbatch.manifest import Manifest, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
 
 Files = Callable[[Manifest, SequenceSection], list[Path]]
 

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Iterator
 
-from imodbatch.coco import CocoFile
 from imodbatch.datasets.annotations.entries import KEY, Entry, annotation_file
 from imodbatch.datasets.base import Footage
+from imodbatch.datasets.coco import CocoFile
 from imodbatch.datasets.names import FrameNames
 
 

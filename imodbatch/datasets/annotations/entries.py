@@ -10,16 +10,10 @@ from typing import Any
 import numpy as np
 
 from imodbatch.core.boxes import clip
+from imodbatch.core.errors import DataError
 from imodbatch.datasets.base import Footage, Reading
-from imodbatch.datasets.names import (
-    NO_AREA,
-    OTHER_FRAMES,
-    OUTSIDE_IMAGE,
-    ClassNames,
-    existing_file,
-)
-from imodbatch.errors import DataError
-from imodbatch.manifest import Manifest, SequenceSection
+from imodbatch.datasets.names import NO_AREA, OTHER_FRAMES, OUTSIDE_IMAGE, ClassNames, existing_file
+from imodbatch.settings.manifest import Manifest, SequenceSection
 
 KEY = "annotations.path"
 UNKNOWN_CLASS = "unknown class"

@@ -7,12 +7,12 @@ The manifest names a folder, whose files bear the names of the images, or a patt
 from dataclasses import dataclass
 from pathlib import Path
 
+from imodbatch.core.errors import ConfigError, DataError
 from imodbatch.datasets.annotations.entries import KEY
 from imodbatch.datasets.base import Footage
 from imodbatch.datasets.names import FrameNames, missing_file
 from imodbatch.datasets.patterns import PathPattern
-from imodbatch.errors import ConfigError, DataError
-from imodbatch.manifest import Manifest, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
 
 CLASSES_FILE = "classes.txt"
 

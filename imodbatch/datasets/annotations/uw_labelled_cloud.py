@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from imodbatch.core.boxes import area, clip
 from imodbatch.core.cloud_boxes import Sight, box_of_points, is_in_front, sight_of_points
 from imodbatch.core.depth import DepthImage, register
+from imodbatch.core.errors import DataError
 from imodbatch.core.frames import invert, is_rigid
 from imodbatch.datasets.annotations.entries import KEY, UNKNOWN_CLASS, Entry, annotation_file
 from imodbatch.datasets.base import CameraModel, Footage, FrameFile
+from imodbatch.datasets.images import UnreadableImageError, read_depth
 from imodbatch.datasets.labelled_clouds import CloudObject, cluster, read_labelled_cloud
 from imodbatch.datasets.names import OUTSIDE_IMAGE, ClassNames, existing_file
 from imodbatch.datasets.registry import camera_model, layout_of
 from imodbatch.datasets.trajectories import read_odometry
-from imodbatch.errors import DataError
-from imodbatch.images import UnreadableImageError, read_depth
-from imodbatch.manifest import Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.manifest import Manifest, OdometrySection, SequenceSection
 
 LABELS = {
     1: "bowl",

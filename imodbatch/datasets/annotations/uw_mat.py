@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imodbatch.core.errors import DataError, one_line
 from imodbatch.datasets.annotations.entries import KEY, Entry, annotation_file
 from imodbatch.datasets.base import Footage
-from imodbatch.errors import DataError, one_line
 
 VARIABLE = "bboxes"
 SIDES = ("left", "top", "right", "bottom")

@@ -6,11 +6,11 @@ The pixels l to r, counted from 1 and both included, are the continuous interval
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
+from imodbatch.core.errors import DataError, one_line
 from imodbatch.datasets.annotations.entries import Entry
 from imodbatch.datasets.annotations.per_image import FrameOfFile, LabelFile, label_files
 from imodbatch.datasets.base import Footage
 from imodbatch.datasets.names import check_size
-from imodbatch.errors import DataError, one_line
 
 SUFFIX = ".xml"
 

@@ -7,6 +7,7 @@ The class is a number from 0; its name stands in `annotations.names` or in a cla
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from imodbatch.core.errors import ConfigError, DataError
 from imodbatch.datasets.annotations.entries import Entry
 from imodbatch.datasets.annotations.per_image import (
     CLASSES_FILE,
@@ -16,8 +17,7 @@ from imodbatch.datasets.annotations.per_image import (
 )
 from imodbatch.datasets.base import Footage
 from imodbatch.datasets.text import read_lines
-from imodbatch.errors import ConfigError, DataError
-from imodbatch.manifest import Manifest, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
 
 SUFFIX = ".txt"
 LARGEST_SHARE = 2.0

@@ -9,12 +9,12 @@ viewpoints.
 from collections.abc import Sequence
 from pathlib import Path
 
+from imodbatch.core.errors import ConfigError
 from imodbatch.datasets.base import Footage, FrameFile
 from imodbatch.datasets.detections import coco, table
 from imodbatch.datasets.detections.found import KEY, Grid, ImportedDetections, select
 from imodbatch.datasets.names import existing_file
-from imodbatch.errors import ConfigError
-from imodbatch.manifest import DetectionsSection, Manifest, SequenceSection
+from imodbatch.settings.manifest import DetectionsSection, Manifest, SequenceSection
 
 __all__ = ["ImportedDetections", "detection_files", "read_detections"]
 

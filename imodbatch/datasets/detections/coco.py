@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from imodbatch.coco import CocoFile, CocoResult, JsonId
+from imodbatch.core.errors import DataError
 from imodbatch.datasets.base import Footage
+from imodbatch.datasets.coco import CocoFile, CocoResult, JsonId
 from imodbatch.datasets.detections.found import (
     KEY,
     Entries,
@@ -21,15 +22,8 @@ from imodbatch.datasets.detections.found import (
     of_classes,
     refuse_shared_numbers,
 )
-from imodbatch.datasets.names import (
-    UNKNOWN_FRAMES,
-    ClassNames,
-    FrameNames,
-    Place,
-    existing_file,
-)
-from imodbatch.errors import DataError
-from imodbatch.manifest import DetectionsSection, Manifest, SequenceSection
+from imodbatch.datasets.names import UNKNOWN_FRAMES, ClassNames, FrameNames, Place, existing_file
+from imodbatch.settings.manifest import DetectionsSection, Manifest, SequenceSection
 
 BACKWARDS = "A bbox is x, y, width, height: make the last two positive."
 

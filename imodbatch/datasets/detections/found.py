@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from imodbatch.core.boxes import area, clip
 from imodbatch.core.detections import Detections, one_hot
+from imodbatch.core.errors import DataError
 from imodbatch.datasets.base import Footage
 from imodbatch.datasets.names import NO_AREA, OUTSIDE_IMAGE, UNKNOWN_FRAMES, Place, sharing
-from imodbatch.errors import DataError
 
 KEY = "detections.path"
 OTHER_SEQUENCES = "other sequences"

@@ -18,8 +18,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import csv, parquet
 
-from imodbatch.config import did_you_mean
 from imodbatch.core.detections import Detections
+from imodbatch.core.errors import ConfigError, DataError, one_line
 from imodbatch.datasets.base import Footage
 from imodbatch.datasets.detections.found import (
     KEY,
@@ -33,8 +33,8 @@ from imodbatch.datasets.detections.found import (
     refuse_shared_numbers,
 )
 from imodbatch.datasets.names import ClassNames, FrameNames, Place, missing_file
-from imodbatch.errors import ConfigError, DataError, one_line
-from imodbatch.manifest import DetectionsSection, Manifest
+from imodbatch.settings.config import did_you_mean
+from imodbatch.settings.manifest import DetectionsSection, Manifest
 
 BOX_COLUMNS = ("x0_px", "y0_px", "x1_px", "y1_px")
 NUMBERED = re.compile(r"view_score_(\d+)")

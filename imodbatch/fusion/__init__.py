@@ -1,0 +1,1 @@
+"""Boxes of many frames: put in their places, and made to agree."""

@@ -1,0 +1,1 @@
+"""Large libraries made to import."""

@@ -1,0 +1,58 @@
+"""From a finished run to its report: gathers what stands in no table and calls the report stage."""
+
+import platform
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from imodbatch import __version__
+from imodbatch.reporting import report
+from imodbatch.reporting.run_info import RunInfo
+from imodbatch.run import runner
+from imodbatch.run.runner import Plan
+from imodbatch.run.steps import STEPS, stages_of
+from imodbatch.tables.schemas import TABLES
+
+REPORT_FOLDER = "report"
+PACKAGES = ("numpy", "pandas", "pyarrow", "torch", "torchvision", "open3d", "faster-coco-eval")
+HEAVY_COLUMNS = {"view_scores"}
+
+
+def write_report(plan: Plan, pipeline_name: str) -> Path:
+    """Write the report of a run and return its path.
+
+    Raises:
+        TableError: a stage has not run yet.
+    """
+    stages = stages_of(plan.context)
+    shown = {name for step in STEPS if step.stage in stages for name in step.writes}
+    tables = {
+        name: runner.load(plan, name, [n for n in spec.schema.names if n not in HEAVY_COLUMNS])
+        for name, spec in TABLES.items()
+        if name in shown
+    }
+    manifest, pipeline = plan.context.manifest, plan.context.pipeline
+    info = RunInfo(
+        title=manifest.name,
+        description=manifest.description,
+        pipeline_name=pipeline_name,
+        classes=manifest.classes,
+        versions=_versions(),
+        settings=pipeline.model_dump(mode="json"),
+        summaries=tuple(
+            (outcome.title, outcome.label, outcome.message) for outcome in runner.states(plan)
+        ),
+        created=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+    )
+    out_dir = plan.run_dir / REPORT_FOLDER
+    return report.run(info, tables, plan.context.read_color, pipeline.report, out_dir)
+
+
+def _versions() -> dict[str, str]:
+    found = {"imodbatch": __version__, "python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found

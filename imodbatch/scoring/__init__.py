@@ -1,0 +1,1 @@
+"""Boxes held against the truth: matches, metrics, and what holds fusion back."""

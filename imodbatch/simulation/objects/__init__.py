@@ -1,5 +1,0 @@
-"""Seventeen household objects made by procedures: shapes, paint, and a catalogue of both."""
-
-from imodbatch.simulation.objects.catalogue import OBJECTS, load_object
-
-__all__ = ["OBJECTS", "load_object"]

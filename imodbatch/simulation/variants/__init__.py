@@ -1,5 +1,0 @@
-"""Object models in endless variants, to train detectors for real photographs on."""
-
-from imodbatch.simulation.variants.catalogue import RGBD5, make_distractor, make_instance
-
-__all__ = ["RGBD5", "make_distractor", "make_instance"]

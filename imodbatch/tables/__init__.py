@@ -1,0 +1,1 @@
+"""What flows: schemas, Parquet files with a past, and columns as arrays."""
