@@ -5,7 +5,7 @@
 #   make table2 [MANIFEST=…]        two detectors on simulated tables, or on the UW RGB-D Scenes
 #                                   (rgbd_scenes_v1): the paper's Table 2
 #   make index | poses | detect | lift | fuse | score | diagnose | report      one stage
-#   make test | check | bench | clean
+#   make test | check | bench | mutants | clean
 
 PYTHON   ?= python3
 VENV     ?= .venv
@@ -25,7 +25,7 @@ TABLE2    := rgbd5_noview rgbd5_3x12
 SCENES     = $(basename $(notdir $(MANIFEST)))
 
 .DEFAULT_GOAL := all
-.PHONY: all table1 table2 install dev test check lint bench clean $(STAGES)
+.PHONY: all table1 table2 install dev test check lint bench mutants clean $(STAGES)
 
 all: install
 	$(BIN)/imodbatch run $(MANIFEST) $(PIPED) --workers $(WORKERS) $(ARGS)
@@ -81,6 +81,9 @@ bench: dev
 	$(BIN)/python tests/benchmarks/bench_fusion.py
 	$(BIN)/python tests/benchmarks/bench_depth.py
 	$(BIN)/python tests/benchmarks/bench_raycast.py
+
+mutants: dev
+	$(BIN)/python tests/benchmarks/mutants.py
 
 install: $(INSTALLED)
 dev: $(DEV)

@@ -273,8 +273,9 @@ class _MetricRows:
         self.add("threshold_tuned_on_test", MEAN_CLASS_ID, tuned_on_test, 0, 0)
         kept = _above(found, thresholds)
         precision, recall = background_per_pixel(frames, annotations, detections, kept)
+        n_counted = sum(h.n_annotations for h in tested)
         for metric, value in (("precision", precision), ("recall", recall)):
-            self.add(metric, BACKGROUND_CLASS_ID, value, annotations.num_rows, kept.num_rows)
+            self.add(metric, BACKGROUND_CLASS_ID, value, n_counted, kept.num_rows)
 
 
 def class_name(classes: Sequence[str], class_id: int) -> str:
@@ -284,8 +285,8 @@ def class_name(classes: Sequence[str], class_id: int) -> str:
 
 
 def _operating_point(hits: ClassHits, threshold: float) -> tuple[float, float, float]:
-    """Precision, recall and F1 at a threshold; NaN for a class without annotations."""
-    if hits.n_annotations == 0:
+    """Precision, recall and F1 at a threshold; NaN without annotations or without a threshold."""
+    if hits.n_annotations == 0 or np.isnan(threshold):
         return (float("nan"),) * 3
     kept = hits.hits[hits.scores >= threshold]
     precision = float(kept.mean()) if len(kept) else float("nan")

@@ -261,7 +261,7 @@ METRICS = TableSpec(
         IOU_PERCENT,
         Column("metric", STRING, "ap_voc07_11pt, ap_area, ap_coco, precision, recall, f1, …"),
         Column("class_name", STRING, "class, or mean, or background"),
-        Column("value", F64, "the figure; null = the class has no annotation", nullable=True),
+        Column("value", F64, "the figure; null = no annotation, or no threshold", nullable=True),
         *_columns(I64, False, n_annotations="that count", n_detections="that count"),
     ),
     per_run=True,
