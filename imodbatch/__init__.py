@@ -1,14 +1,19 @@
 """imodbatch: many RGB-D frames made to agree on what stands where.
 
-manifest → index → poses → detect → lift → fuse → score → report
+manifest → index → poses → detect → lift → fuse → score → diagnose → report
 
-- `schemas`   what flows between the stages: every table, its columns and key
-- `core`      the method in pure numpy; start with `core.fusion`
-- `datasets`  raw folder → frames, annotations, odometry
-- `engines`   the only importers of torch, open3d, pycolmap
-- `stages`    one file per arrow; `stages.lift` shows what a stage is
-- `runner`    up to date? read → stage → write
-- `library`   the stages as functions on arrays and tables: the names below
+One room per arrow; imports point down this list only:
+
+- `cli`                              the command line
+- `run`, `lab`                       a run: steps, resume, the library below; datasets and detectors made
+- `reporting`, `checkup`             report and comparisons; the doctor
+- `scoring`                          matches, metrics, what holds fusion back
+- `fusion`, `detection`, `poses`     lift and fuse; the detector; odometry, SLAM, SfM, levelling
+- `datasets`                         raw folder → frames, annotations, odometry, images
+- `tables`, `settings`, `libraries`  what flows; what can be turned; large libraries made to import
+- `core`                             the method in pure numpy; start with `core.fusion`
+
+The names below are the stages as functions on arrays and tables.
 """
 
 from importlib import import_module
@@ -19,7 +24,7 @@ if TYPE_CHECKING:
     from imodbatch.core.errors import ImodError
     from imodbatch.run.library import detect, estimate_poses, fuse, lift, score
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = ["Camera", "ImodError", "detect", "estimate_poses", "fuse", "lift", "score"]
 
 

@@ -57,7 +57,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class ImageChecks:
-    """What images say of poses: see `engines.trajectory_checks`.
+    """What images say of poses: see `poses.rgbd.trajectory_checks`.
 
     Attributes:
         reprojection_px: frames, poses (F, 4, 4), pairs (P, 2) → a median distance per pair judged.
