@@ -1,133 +1,12 @@
-"""Commands that make data and detectors: simulate, synth, train.
-
-They join `imodbatch` by entry point. Heavy libraries load inside the commands.
-"""
+"""`imodbatch synth`: objects and backgrounds → training pictures."""
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import click
 
-
-@contextmanager
-def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar on stderr, moved by calling with what is done and what there is."""
-    from tqdm import tqdm
-
-    with tqdm(desc=name, leave=False, disable=None) as bar:
-
-        def advance(n_done: int, n_total: int) -> None:
-            bar.total = n_total
-            bar.update(n_done - bar.n)
-
-        yield advance
-
-
-@click.command()
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
-@click.option(
-    "--world",
-    type=click.Choice(["analytic", "house", "rooms"]),
-    help="analytic (default): with simulated detections; house (default with --models): for a real "
-    "detector; rooms: backgrounds.",
-)
-@click.option(
-    "--layout",
-    type=click.Choice(["rgbd_scenes_v1"]),
-    help="Tables and desks with a hand-held camera, written as the UW RGB-D Scenes lie.",
-)
-@click.option("--seed", type=int, default=0, show_default=True, help="Other seed, other data.")
-@click.option(
-    "--split",
-    type=click.Choice(["train", "val", "test"]),
-    default="test",
-    show_default=True,
-    help="Worlds of which objects, furniture, textures and light; none is shared.",
-)
-@click.option("--worlds", type=click.IntRange(min=1), help="Sequences. Default: house 4, tables 8.")
-@click.option(
-    "--frames",
-    type=click.IntRange(min=4),
-    help="Per sequence (house 75, tables 98 to 234), or of rooms in all (300).",
-)
-@click.option(
-    "--models",
-    type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="Your own objects in place of the seventeen (house).",
-)
-@click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Worlds at a time, in processes (house, rooms, tables).",
-)
-def simulate(
-    folder: Path,
-    world: str | None,
-    layout: str | None,
-    seed: int,
-    split: str,
-    worlds: int | None,
-    frames: int | None,
-    models: Path | None,
-    workers: int,
-) -> None:
-    """Seed → a dataset folder with colour, depth, poses, true boxes and a manifest.
-
-    \b
-    Example:
-      imodbatch simulate data/house_test --world house --split test
-    """  # noqa: D301 (click wants the character, not a backslash)
-    if layout is not None and (world is not None or models is not None):
-        raise click.UsageError("--layout has a world of its own; --world and --models go without.")
-    world = layout or world or ("analytic" if models is None else "house")
-    if models is not None and world != "house":
-        raise click.UsageError(f"--models needs --world house; --world {world} takes no models.")
-    if workers > 1 and world == "analytic":
-        raise click.UsageError(
-            "--workers needs --world house or rooms, or --layout; analytic is quick."
-        )
-    sizes: dict[str, Any] = {"n_frames": frames} if frames is not None else {}
-    with _bar("simulate") as advance:
-        if world == "house":
-            from imodbatch.lab.houses import write_house_dataset
-            from imodbatch.lab.models import load_models
-
-            own = None if models is None else load_models(models)
-            if worlds is not None:
-                sizes["n_worlds"] = worlds
-            write_house_dataset(
-                folder, split, seed, models=own, progress=advance, n_processes=workers, **sizes
-            )
-        elif world == "rgbd_scenes_v1":
-            from imodbatch.lab.tabletop import write_scenes
-
-            if worlds is not None:
-                sizes["n_worlds"] = worlds
-            write_scenes(folder, split, seed, progress=advance, n_processes=workers, **sizes)
-        elif world == "rooms":
-            from imodbatch.lab.houses import write_backgrounds
-
-            if frames is not None:
-                sizes = {"n": frames}
-            write_backgrounds(
-                folder, split, seed=seed, progress=advance, n_processes=workers, **sizes
-            )
-        else:
-            from imodbatch.lab.analytic import write_dataset
-
-            if worlds is not None:
-                sizes["n_sequences"] = worlds
-            write_dataset(folder, seed=seed, progress=advance, **sizes)
-    manifest = (
-        f", described by {folder / 'manifest.toml'}" if world in ("house", "rgbd_scenes_v1") else ""
-    )
-    click.echo(f"simulate: {folder}{manifest}")
+from imodbatch.lab.commands.progress import bar
 
 
 @click.command()
@@ -325,80 +204,23 @@ def synth(
             size_px=view_size,
             renderer=renderer,
         )
-        with _bar("views") as advance:
+        with bar("views") as advance:
             views, line = sources.views_of(chosen, settings, cache, workers, advance)
         tables = [v for v, m in zip(views, chosen, strict=True) if m.name != DISTRACTOR_NAME]
         others = [v for v, m in zip(views, chosen, strict=True) if m.name == DISTRACTOR_NAME]
     click.echo(f"synth views: {line}")
     if backgrounds is None:
-        with _bar("rooms") as advance:
+        with bar("rooms") as advance:
             pictures, line = sources.room_backgrounds(
                 rooms_cache, n_rooms or sources.N_ROOMS, workers, advance
             )
         click.echo(f"synth rooms: {line}")
     recipe = Recipe(tuple(tables), tuple(pictures), grid, how, seed, tuple(others))
     begin = time.perf_counter()
-    with _bar("synth") as advance:
+    with bar("synth") as advance:
         summary = write_dataset(
             out, recipe, n, workers=workers, overwrite=overwrite, progress=advance
         )
     seconds = time.perf_counter() - begin
     pace = f"; {summary.n_made / seconds:.1f} made per second" if summary.n_made else ""
     click.echo(f"synth {out}: {summary}{pace}")
-
-
-@click.command()
-@click.argument("config")
-@click.option(
-    "--data",
-    type=click.Path(path_type=Path),
-    required=True,
-    multiple=True,
-    help="COCO folder, as `imodbatch synth` or `simulate` writes it; may be repeated.",
-)
-@click.option("--val", type=click.Path(path_type=Path), help="COCO folder to try the detector on.")
-@click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False), required=True, help="Results."
-)
-@click.option(
-    "--minutes", type=click.FloatRange(min=0), help="Stop after so long, to resume later."
-)
-@click.option("--resume", is_flag=True, help="Go on from the checkpoint in --out.")
-@click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="SECTION.KEY=VALUE",
-    help="Override one setting of the recipe; may be repeated.",
-)
-def train(
-    config: str,
-    data: tuple[Path, ...],
-    val: Path | None,
-    out: Path,
-    minutes: float | None,
-    resume: bool,
-    settings: tuple[str, ...],
-) -> None:
-    """Images with boxes and viewpoints → a detector; CONFIG is light, paper, or a TOML file.
-
-    \b
-    Example:
-      imodbatch train light --data data/synth --val data/synth_val --out runs/light --minutes 60
-    """  # noqa: D301 (click wants the character, not a backslash)
-    from imodbatch.lab.learning.loop import train as run_training
-    from imodbatch.lab.learning.recipes import load_recipe
-    from imodbatch.lab.learning.samples import CocoStream, MixedStream
-
-    recipe = load_recipe(config, settings)
-    folders = [CocoStream(folder, recipe.seed) for folder in data]
-    stream = MixedStream(folders, recipe.data.shares, recipe.seed) if data[1:] else folders[0]
-    validation = None if val is None else CocoStream(val, seed=None)
-    with _bar("train") as advance:
-        outcome = run_training(recipe, stream, out, validation, minutes, resume, advance)
-    figures = outcome.figures
-    found = f", mean AP {figures['mean_ap_voc07_11pt']}" if figures else ""
-    state = "done" if outcome.is_done else "stopped, go on with --resume"
-    click.echo(
-        f"train: {outcome.step} of {outcome.n_steps} steps{found}: {outcome.weights}, {state}"
-    )
