@@ -5,7 +5,7 @@ number of processes, on the fly or to disk.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,9 +19,10 @@ from imodbatch.core.symmetry import Symmetry
 from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.lab.pictures.backgrounds import random_background
 from imodbatch.lab.pictures.blending import BLENDINGS, SILHOUETTE, Patch, contact_shadow
-from imodbatch.lab.pictures.cutouts import Cutouts, load_cutouts
+from imodbatch.lab.pictures.cutouts import Cutouts, bounds_of, load_cutouts, resize_cutout
 from imodbatch.lab.pictures.photometry import jitter_image, jitter_object
 from imodbatch.lab.pictures.placing import random_corner, random_scale
+from imodbatch.lab.pictures.settings import ComposeSettings
 
 Pixels = NDArray[np.uint8]
 NOBODY = -1
@@ -29,58 +30,6 @@ DISTRACTOR = -1
 """The class number of an object that is of no class."""
 DISTRACTOR_SHARE = 0.4
 """Of the pasted objects, where there are distractors: pasted alone must not mean wanted."""
-
-
-@dataclass(frozen=True)
-class ComposeSettings:
-    """What a training picture is like; defaults are the paper's where it says (Sec. 3.3).
-
-    Attributes:
-        width_px: of the picture.
-        height_px: of the picture.
-        min_objects: in a picture that has any.
-        max_objects: `min_objects` to this many objects, equally often.
-        empty_share: share of pictures without any object.
-        scale_range: of an object's longer side over the picture's shorter side; log-uniform.
-        max_iou: largest overlap of two boxes.
-        min_inside: share of an object's box that lies in the picture at least.
-        ignore_below: an object of which less is visible is marked `ignore`.
-        shadow_share: share of objects with a shadow where they stand.
-        blendings: one of these for each picture.
-        photometric: whether colours, noise and sharpness vary.
-    """
-
-    width_px: int = 480
-    height_px: int = 360
-    min_objects: int = 1
-    max_objects: int = 5
-    empty_share: float = 0.02
-    scale_range: tuple[float, float] = (0.1, 1.0)
-    max_iou: float = 0.75
-    min_inside: float = 0.3
-    ignore_below: float = 0.4
-    shadow_share: float = 0.6
-    blendings: tuple[str, ...] = tuple(BLENDINGS)
-    photometric: bool = True
-
-    def __post_init__(self) -> None:
-        low, high = self.scale_range
-        if not 0 < low <= high:
-            raise ConfigError(f"scale_range: expected 0 < low ≤ high, found {self.scale_range}.")
-        if not 1 <= self.min_objects <= self.max_objects:
-            raise ConfigError(
-                f"min_objects, max_objects: expected 1 ≤ min ≤ max, found {self.min_objects} and "
-                f"{self.max_objects}."
-            )
-        if min(self.width_px, self.height_px) < 32:
-            raise ConfigError(
-                f"Pictures of {self.width_px} x {self.height_px} px are too small; "
-                "32 px a side is the least."
-            )
-        if not self.blendings or set(self.blendings) - set(BLENDINGS):
-            raise ConfigError(
-                f"blendings: expected some of {', '.join(BLENDINGS)}, found {self.blendings}."
-            )
 
 
 class Picture(NamedTuple):
@@ -209,7 +158,7 @@ class Composer:
         if how.photometric:
             rgba = jitter_object(rgba, rng)
         silhouette = rgba[..., 3] >= SILHOUETTE
-        bounds = _bounds(silhouette)
+        bounds = bounds_of(silhouette)
         if bounds is None:
             return None
         taken = np.array([p.clipped_box for p in placed], np.float64).reshape(-1, 4)
@@ -275,7 +224,7 @@ class Recipe:
     cutouts: tuple[Path, ...]
     backgrounds: tuple[Path, ...]
     grid: ViewGrid
-    settings: ComposeSettings = ComposeSettings()
+    settings: ComposeSettings = field(default_factory=ComposeSettings)
     seed: int = 0
     distractors: tuple[Path, ...] = ()
 
@@ -298,27 +247,3 @@ class _Placed:
     azimuth_rad: float
     elevation_rad: float
     scale: float
-
-
-def resize_cutout(rgba: Pixels, longer_side_px: float) -> Pixels:
-    """A cutout at another size; colours of transparent pixels do not bleed into the rest."""
-    h, w = rgba.shape[:2]
-    factor = longer_side_px / max(h, w)
-    size = (max(1, round(w * factor)), max(1, round(h * factor)))
-    how = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
-    resized = cv2.resize(cv2.multiply(rgba, _weights(rgba), scale=1 / 255), size, interpolation=how)
-    return cv2.divide(resized, _weights(resized), scale=255)
-
-
-def _weights(rgba: Pixels) -> Pixels:
-    """Alpha for the colours, 255 for alpha itself."""
-    alpha = rgba[..., 3]
-    return cv2.merge([alpha, alpha, alpha, np.full_like(alpha, 255)])
-
-
-def _bounds(silhouette: NDArray[np.bool_]) -> tuple[int, int, int, int] | None:
-    """Left, top, right and bottom (exclusive) of the pixels that are set."""
-    rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
-    if not len(rows):
-        return None
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1

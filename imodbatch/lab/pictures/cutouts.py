@@ -74,12 +74,37 @@ class Cutouts:
         return cv2.cvtColor(cv2.imdecode(png, cv2.IMREAD_UNCHANGED), cv2.COLOR_BGRA2RGBA)
 
 
-def crop_to_object(rgba: Pixels) -> Pixels | None:
-    """The smallest part that holds all pixels with alpha > 0; None if there is none."""
-    rows, columns = (np.flatnonzero(rgba[..., 3].any(axis=axis)) for axis in (1, 0))
+def bounds_of(mask: NDArray[np.bool_]) -> tuple[int, int, int, int] | None:
+    """Left, top, right and bottom (exclusive) of the pixels (H, W) that are set; None = none is."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return None
-    return rgba[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
+def crop_to_object(rgba: Pixels) -> Pixels | None:
+    """The smallest part that holds all pixels with alpha > 0; None if there is none."""
+    bounds = bounds_of(rgba[..., 3] > 0)
+    if bounds is None:
+        return None
+    left, top, right, bottom = bounds
+    return rgba[top:bottom, left:right]
+
+
+def resize_cutout(rgba: Pixels, longer_side_px: float) -> Pixels:
+    """A cutout at another size; colours of transparent pixels do not bleed into the rest."""
+    h, w = rgba.shape[:2]
+    factor = longer_side_px / max(h, w)
+    size = (max(1, round(w * factor)), max(1, round(h * factor)))
+    how = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
+    resized = cv2.resize(cv2.multiply(rgba, _weights(rgba), scale=1 / 255), size, interpolation=how)
+    return cv2.divide(resized, _weights(resized), scale=255)
+
+
+def _weights(rgba: Pixels) -> Pixels:
+    """Alpha for the colours, 255 for alpha itself."""
+    alpha = rgba[..., 3]
+    return cv2.merge([alpha, alpha, alpha, np.full_like(alpha, 255)])
 
 
 def write_cutouts(

@@ -16,7 +16,7 @@ from imodbatch.lab.houses.backgrounds import N_PICTURES, backgrounds_digest, wri
 from imodbatch.lab.mesh import ObjectModel
 from imodbatch.lab.models import load_models
 from imodbatch.lab.objects import OBJECTS, load_object
-from imodbatch.lab.pictures.composition import ComposeSettings
+from imodbatch.lab.pictures.settings import ComposeSettings
 from imodbatch.lab.pictures.turntable import class_names_of, read_turntable
 from imodbatch.lab.pictures.views import Progress, ViewSettings, prepare_views
 from imodbatch.lab.tabletop.world import CLASSES, POOL, class_symmetry

@@ -17,7 +17,7 @@ from imodbatch.lab.pictures.blending import (
     contact_shadow,
     line_kernel,
 )
-from imodbatch.lab.pictures.composition import resize_cutout
+from imodbatch.lab.pictures.cutouts import resize_cutout
 
 N = 60
 
