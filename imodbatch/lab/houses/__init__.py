@@ -1,5 +1,6 @@
 """Houses: a robot with an RGB-D camera drives through furnished rooms; everything is procedural.
 
+patterns   noise without a seam, and colours of a palette
 textures   surfaces drawn from random numbers: wood, tiles, carpet, wallpaper, stone
 styles     what differs between training, validation and test houses: nothing is shared
 solids     boxes and turned pieces → one mesh per material
@@ -7,7 +8,8 @@ furniture  tables, shelves, sofas, beds …, and on which levels things may stan
 clutter    things that stand about and are no target
 shell      the empty room: walls, windows, door, pictures
 floorplan  layouts, and furniture that keeps apart
-world      `make_house`: room, furniture, targets, clutter, light
+arranging  targets and clutter put down, nothing touching
+world      `make_house`: room, furniture, what stands on it, light
 planner    where the robot can drive, and a smooth way
 drive      towards things, round them, waiting, touring; where the head looks
 odometry   what the wheels make of it

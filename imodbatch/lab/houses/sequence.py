@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import apply, invert
 from imodbatch.core.viewpoint import FULL_TURN_RAD, ViewGrid, view_angles
+from imodbatch.lab.houses.arranging import Target
 from imodbatch.lab.houses.sensor import ColorCamera, measure_depth
-from imodbatch.lab.houses.world import SENSOR_STREAM, House, Target
+from imodbatch.lab.houses.world import SENSOR_STREAM, House
 from imodbatch.lab.mesh import TexturedMesh
 from imodbatch.lab.scene import InstanceView, RenderSettings
 

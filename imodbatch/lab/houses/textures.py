@@ -4,66 +4,26 @@ Every texture repeats without a seam. A recipe is a function of random numbers a
 split uses which recipe is said in `styles`, nowhere else.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Picture = NDArray[np.uint8]
-Palette = Sequence[tuple[int, int, int]]
+from imodbatch.lab.houses.patterns import (
+    SIDE_PX,
+    Palette,
+    Picture,
+    clouds,
+    grain,
+    noise,
+    per_cell,
+    picture,
+    pixels,
+    shade,
+    tint,
+)
+
 Recipe = Callable[[np.random.Generator, Palette], Picture]
-SIDE_PX = 512
-
-
-def noise(rng: np.random.Generator, cells_x: int, cells_y: int) -> Array:
-    """Smooth noise (SIDE, SIDE) in about −1..1 that repeats, of so many waves across and down."""
-    grid = np.pad(rng.uniform(-1, 1, (cells_y, cells_x)), 2, mode="wrap")
-    step_x, step_y = SIDE_PX / cells_x, SIDE_PX / cells_y
-    size = (round((cells_x + 4) * step_x), round((cells_y + 4) * step_y))
-    wide = cv2.resize(grid, size, interpolation=cv2.INTER_CUBIC)
-    x, y = round(2 * step_x), round(2 * step_y)
-    return np.asarray(wide[y : y + SIDE_PX, x : x + SIDE_PX], np.float64)
-
-
-def clouds(rng: np.random.Generator, cells: int = 4, octaves: int = 5) -> Array:
-    """Noise at several sizes, each half as strong as the last."""
-    layers = [noise(rng, cells << k, cells << k) / 2**k for k in range(octaves)]
-    return np.asarray(np.sum(layers, axis=0) / 1.5)
-
-
-def grain(rng: np.random.Generator, stretch: int = 12) -> Array:
-    """Wood fibres along x: long streaks over slow waves."""
-    slow = noise(rng, 2, 6)
-    rings = np.sin(2 * np.pi * (2 * slow + noise(rng, 3, 3 * stretch) * 0.6))
-    return np.asarray(0.5 * rings + 0.5 * noise(rng, 8, 128) + 0.4 * noise(rng, 16, 256))
-
-
-def tint(rng: np.random.Generator, palette: Palette, spread: float = 6.0) -> Array:
-    """One colour of a palette (3,), a little off."""
-    return np.asarray(palette[int(rng.integers(len(palette)))] + rng.normal(0, spread, 3))
-
-
-def shade(color: Array, pattern: Array, depth: float) -> Array:
-    """A colour (3,) made lighter and darker by a pattern (H, W): (H, W, 3)."""
-    return np.asarray(color * (1 + depth * pattern[..., None]))
-
-
-def picture(values: Array) -> Picture:
-    """Values as 8 bits."""
-    return np.rint(np.clip(values, 0, 255)).astype(np.uint8)
-
-
-def _pixels() -> tuple[Array, Array]:
-    y, x = np.mgrid[:SIDE_PX, :SIDE_PX].astype(np.float64) / SIDE_PX
-    return x, y
-
-
-def _per_cell(rng: np.random.Generator, cell: NDArray[np.int64], spread: float) -> Array:
-    """A brightness for each numbered cell, (H, W)."""
-    values = rng.normal(0, spread, int(cell.max()) + 1)
-    return np.asarray(values[cell])
 
 
 def wood(rng: np.random.Generator, palette: Palette) -> Picture:
@@ -85,19 +45,19 @@ def brushed(rng: np.random.Generator, palette: Palette) -> Picture:
 
 def planks(rng: np.random.Generator, palette: Palette) -> Picture:
     """Floor boards along x, each of another shade, with dark joints."""
-    x, y = _pixels()
+    x, y = pixels()
     n = int(rng.integers(5, 9))
     row = (y * n).astype(np.int64)
     shift = rng.random(n)[row]
     cell = row * 2 + ((x + shift) % 1 > 0.5)
     joint = ((y * n) % 1 < 0.03) | (((x + shift) % 0.5) < 0.004)
-    pattern = grain(rng) + _per_cell(rng, cell.astype(np.int64), 1.0)
+    pattern = grain(rng) + per_cell(rng, cell.astype(np.int64), 1.0)
     return picture(shade(tint(rng, palette), pattern, 0.09) * (1 - 0.5 * joint[..., None]))
 
 
 def mosaic(rng: np.random.Generator, palette: Palette) -> Picture:
     """Parquet of squares whose strips run along and across in turn."""
-    x, y = _pixels()
+    x, y = pixels()
     n = 4
     i, j = (x * n).astype(np.int64), (y * n).astype(np.int64)
     across = (i + j) % 2 == 0
@@ -105,51 +65,51 @@ def mosaic(rng: np.random.Generator, palette: Palette) -> Picture:
     strips = (i + n * j) * 4 + (along % 4).astype(np.int64)
     fibre = np.where(across, grain(rng).T, grain(rng))
     joint = (along % 1 < 0.06) | ((x * n) % 1 < 0.015) | ((y * n) % 1 < 0.015)
-    pattern = fibre * 0.7 + _per_cell(rng, strips, 1.0)
+    pattern = fibre * 0.7 + per_cell(rng, strips, 1.0)
     return picture(shade(tint(rng, palette), pattern, 0.1) * (1 - 0.4 * joint[..., None]))
 
 
 def herringbone(rng: np.random.Generator, palette: Palette) -> Picture:
     """Parquet of slanting strips in columns that mirror each other."""
-    x, y = _pixels()
+    x, y = pixels()
     column = (x * 4).astype(np.int64)
     slant = np.where(column % 2 == 0, x * 4 % 1, 1 - x * 4 % 1)
     level = (y * 12 + slant * 2) % 12
     cell = column * 12 + level.astype(np.int64)
     joint = (level % 1 < 0.06) | (x * 4 % 1 < 0.015)
     fibre = noise(rng, 64, 96) * 0.8
-    pattern = fibre + _per_cell(rng, cell, 1.0)
+    pattern = fibre + per_cell(rng, cell, 1.0)
     return picture(shade(tint(rng, palette), pattern, 0.1) * (1 - 0.45 * joint[..., None]))
 
 
 def tiles(rng: np.random.Generator, palette: Palette) -> Picture:
     """Square tiles with light joints; sometimes two colours in turn."""
-    x, y = _pixels()
+    x, y = pixels()
     n = int(rng.choice([2, 4]))
     i, j = (x * n).astype(np.int64), (y * n).astype(np.int64)
     base, other = tint(rng, palette), tint(rng, palette)
     second = ((i + j) % 2 == 1)[..., None] & bool(rng.random() < 0.4)
     color = np.where(second, other, base)
     joint = ((x * n % 1 < 0.025) | (y * n % 1 < 0.025))[..., None]
-    pattern = 0.6 * clouds(rng, 6) + _per_cell(rng, i + n * j, 0.5)
+    pattern = 0.6 * clouds(rng, 6) + per_cell(rng, i + n * j, 0.5)
     return picture(np.where(joint, 170 + 20 * color / 255, color * (1 + 0.05 * pattern[..., None])))
 
 
 def bricks(rng: np.random.Generator, palette: Palette) -> Picture:
     """Oblong tiles in a running bond."""
-    x, y = _pixels()
+    x, y = pixels()
     row = (y * 8).astype(np.int64)
     along = (x * 3 + 0.5 * (row % 2)) % 3
     cell = row * 3 + along.astype(np.int64)
     joint = ((along % 1 < 0.02) | (y * 8 % 1 < 0.05))[..., None]
-    pattern = 0.5 * clouds(rng, 8) + _per_cell(rng, cell, 1.0)
+    pattern = 0.5 * clouds(rng, 8) + per_cell(rng, cell, 1.0)
     color = tint(rng, palette)
     return picture(np.where(joint, 0.5 * color + 40, shade(color, pattern, 0.07)))
 
 
 def diamonds(rng: np.random.Generator, palette: Palette) -> Picture:
     """Tiles laid aslant, a small dark one at every crossing."""
-    x, y = _pixels()
+    x, y = pixels()
     u, v = (x + y) * 3 % 1, (x - y) * 3 % 1
     joint = ((u < 0.03) | (v < 0.03))[..., None]
     small = (np.abs((x * 6 + 0.5) % 1 - 0.5) + np.abs((y * 6 + 0.5) % 1 - 0.5) < 0.16)[..., None]
@@ -167,7 +127,7 @@ def carpet(rng: np.random.Generator, palette: Palette) -> Picture:
 
 def woven(rng: np.random.Generator, palette: Palette) -> Picture:
     """Coarse weave: threads over and under each other, in two colours."""
-    x, y = _pixels()
+    x, y = pixels()
     n = int(rng.choice([32, 48, 64]))
     over = ((x * n).astype(np.int64) + (y * n).astype(np.int64)) % 2 == 0
     bulge = np.where(over, np.sin(np.pi * (y * n % 1)), np.sin(np.pi * (x * n % 1))) - 0.6
@@ -183,24 +143,19 @@ def melange(rng: np.random.Generator, palette: Palette) -> Picture:
 
 def cord(rng: np.random.Generator, palette: Palette) -> Picture:
     """Ribbed fabric."""
-    x, _ = _pixels()
+    x, _ = pixels()
     rib = np.sin(2 * np.pi * x * int(rng.choice([24, 32, 40])))
     return picture(shade(tint(rng, palette), 0.8 * rib + 0.5 * noise(rng, 96, 96), 0.12))
 
 
 def rug(rng: np.random.Generator, palette: Palette) -> Picture:
     """A rug's ornament: bands and lozenges of several colours."""
-    x, y = _pixels()
+    x, y = pixels()
     ring = np.maximum(np.abs(x - 0.5), np.abs(y - 0.5)) * 2
     lozenge = (np.abs(x * 4 % 1 - 0.5) + np.abs(y * 4 % 1 - 0.5)) * 2
     colors = np.stack([tint(rng, palette) for _ in range(6)])
     index = np.where(ring > 0.75, (ring * 16).astype(int) % 3, 3 + (lozenge * 5).astype(int) % 3)
-    return picture(shade_each(colors[index], noise(rng, 128, 128), 0.1))
-
-
-def shade_each(colors: Array, pattern: Array, depth: float) -> Array:
-    """Colours (H, W, 3) made lighter and darker by a pattern (H, W)."""
-    return np.asarray(colors * (1 + depth * pattern[..., None]))
+    return picture(shade(colors[index], noise(rng, 128, 128), 0.1))
 
 
 def plaster(rng: np.random.Generator, palette: Palette) -> Picture:
@@ -216,35 +171,35 @@ def roughcast(rng: np.random.Generator, palette: Palette) -> Picture:
 
 def stripes(rng: np.random.Generator, palette: Palette) -> Picture:
     """Wallpaper with upright stripes."""
-    x, _ = _pixels()
+    x, _ = pixels()
     n = int(rng.integers(4, 10))
     band = (x * n % 1 < rng.uniform(0.3, 0.6))[..., None]
     color = tint(rng, palette)
-    return picture(shade_each(np.where(band, color, 0.93 * color), noise(rng, 90, 90), 0.015))
+    return picture(shade(np.where(band, color, 0.93 * color), noise(rng, 90, 90), 0.015))
 
 
 def dots(rng: np.random.Generator, palette: Palette) -> Picture:
     """Wallpaper with dots in a quincunx."""
-    x, y = _pixels()
+    x, y = pixels()
     n = int(rng.integers(5, 9))
     far = [np.hypot((x * n + s) % 1 - 0.5, (y * n + s) % 1 - 0.5) for s in (0.0, 0.5)]
     mark = (np.minimum(*far) < rng.uniform(0.07, 0.16))[..., None]
     color = tint(rng, palette)
-    return picture(shade_each(np.where(mark, 0.82 * color, color), noise(rng, 60, 60), 0.015))
+    return picture(shade(np.where(mark, 0.82 * color, color), noise(rng, 60, 60), 0.015))
 
 
 def lattice(rng: np.random.Generator, palette: Palette) -> Picture:
     """Wallpaper with crossing slanted lines."""
-    x, y = _pixels()
+    x, y = pixels()
     n = int(rng.integers(5, 9))
     line = (((x + y) * n % 1 < 0.07) | ((x - y) * n % 1 < 0.07))[..., None]
     color = tint(rng, palette)
-    return picture(shade_each(np.where(line, 0.86 * color, color), noise(rng, 70, 70), 0.015))
+    return picture(shade(np.where(line, 0.86 * color, color), noise(rng, 70, 70), 0.015))
 
 
 def damask(rng: np.random.Generator, palette: Palette) -> Picture:
     """Wallpaper with a curled ornament, mirrored left and right."""
-    x, y = _pixels()
+    x, y = pixels()
     n = int(rng.integers(3, 5))
     u, v = np.abs(x * n % 1 - 0.5) * 2, y * n % 1
     curl = np.sin(2 * np.pi * (u + 0.35 * np.sin(2 * np.pi * v))) * np.sin(2 * np.pi * (v + u**2))
@@ -255,7 +210,7 @@ def damask(rng: np.random.Generator, palette: Palette) -> Picture:
 
 def panels(rng: np.random.Generator, palette: Palette) -> Picture:
     """Painted boards that stand side by side."""
-    x, _ = _pixels()
+    x, _ = pixels()
     groove = x * 6 % 1
     edge = -1.0 * (groove < 0.03) + 0.4 * (groove > 0.97)
     return picture(shade(tint(rng, palette), 0.3 * edge + 0.03 * grain(rng).T, 0.6))
@@ -289,12 +244,12 @@ def laminate(rng: np.random.Generator, palette: Palette) -> Picture:
 
 def gingham(rng: np.random.Generator, palette: Palette) -> Picture:
     """A checked table cloth."""
-    x, y = _pixels()
+    x, y = pixels()
     n = int(rng.choice([8, 10, 12]))
     level = (((x * n) % 1 < 0.5).astype(float) + ((y * n) % 1 < 0.5)) / 2
     color = tint(rng, palette)
     cloth = color * level[..., None] + np.array([235, 232, 225]) * (1 - level[..., None])
-    return picture(shade_each(cloth, noise(rng, 200, 200), 0.05))
+    return picture(shade(cloth, noise(rng, 200, 200), 0.05))
 
 
 def print_of(rng: np.random.Generator, palette: Palette) -> Picture:
