@@ -11,7 +11,6 @@ the same weights as one that ran through. OUT holds
     azimuth_confusion.csv, .svg     of the last validation
 """
 
-import copy
 import math
 import time
 from collections import defaultdict
@@ -20,23 +19,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
-from torch import Tensor
 
 from imodbatch.core.errors import ConfigError
-from imodbatch.detection.checkpoint import save_checkpoint
-from imodbatch.detection.inference import Detector
-from imodbatch.detection.network import MultiViewFasterRCNN
+from imodbatch.lab.learning.detectors import Detectors
 from imodbatch.lab.learning.loader import CropBatch, Draws, ImageBatch, open_loader, to_float
-from imodbatch.lab.learning.log import TIME_NAMES, TrainingLog, write_confusions
+from imodbatch.lab.learning.log import TIME_NAMES, TrainingLog
 from imodbatch.lab.learning.losses import LOSS_NAMES, Losses, crop_losses, detection_losses
 from imodbatch.lab.learning.recipes import OptimiserSection, Recipe
 from imodbatch.lab.learning.samples import CocoStream, Stream
 from imodbatch.lab.learning.start import set_training_mode, start_network
 from imodbatch.lab.learning.state import TrainingState, load_state, save_state
 from imodbatch.lab.learning.targets import JointViewTargets, ViewTargets
-from imodbatch.lab.learning.validation import Validation, validate_detector
 
 LOG_EVERY_STEPS = 20
 STEP_SEED_SPACING = 1_000_003  # a prime, so that neighbouring seeds share no step's generator
@@ -117,9 +111,8 @@ class _Run:
             raise ConfigError(
                 f"{out}: holds a training already. Add --resume to go on, or name another --out."
             )
-        self.recipe, self.stream, self.out, self.validation = recipe, stream, out, validation
+        self.recipe, self.stream, self.out = recipe, stream, out
         self.checkpoint = checkpoint
-        self.figures: dict[str, dict[str, Any]] = {}  # by detector
         self.data: dict[str, Any] = {"training": stream.describe(), "classes": list(stream.classes)}
         network = start_network(stream.classes, recipe)
         self.network = network
@@ -135,6 +128,7 @@ class _Run:
         out.mkdir(parents=True, exist_ok=True)
         self.log = TrainingLog(out, self.state.step)
         self.log.add_event(self.state.step, "resumed" if resume else "started")
+        self.detectors = Detectors(recipe, self.state, stream, validation, out, self.log)
         self.targets = JointViewTargets(
             tuple(
                 ViewTargets(
@@ -166,7 +160,7 @@ class _Run:
                 progress(state.step, recipe.n_steps)
             is_last = state.step == recipe.n_steps
             if not on_crops and (is_last or self._is_due(recipe.validation.every_steps)):
-                self._validate(range(len(recipe.variants())) if is_last else range(1))
+                self.detectors.validate(None if is_last else 1)
             if self._is_due(recipe.checkpoint_every_steps):
                 save_state(state, recipe, self.data, self.checkpoint)
             if time.monotonic() >= deadline:
@@ -182,8 +176,8 @@ class _Run:
     def finish(self) -> Outcome:
         """Write checkpoint and detector, and say how it ended."""
         save_state(self.state, self.recipe, self.data, self.checkpoint)
-        weights = self._export()
-        figures = self.figures.get(self.recipe.name, {})
+        weights = self.detectors.write()
+        figures = self.detectors.figures.get(self.recipe.name, {})
         outcome = Outcome(weights, self.state.step, self.recipe.n_steps, figures)
         self.log.add_event(self.state.step, "done" if outcome.is_done else "stopped")
         self.log.plot()
@@ -271,56 +265,6 @@ class _Run:
         for name in TIME_NAMES:
             row[f"{name}_s_per_image"] = f"{sums[name] / sums['images']:.4f}"
         self.log.add_row(row)
-
-    def _averaged(self, number: int) -> MultiViewFasterRCNN:
-        """Copy one of the detectors, the main one or a sibling, with averaged weights if any."""
-        network = copy.deepcopy(self.network)
-        average: dict[str, Tensor] = self.state.average
-        network.load_state_dict(average, strict=False)
-        if number:
-            network.head = network.siblings[number - 1]
-        network.siblings = torch.nn.ModuleList()
-        return network
-
-    def _validate(self, numbers: range) -> None:
-        """Try out some of the detectors, then write all."""
-        if self.validation is None:
-            return
-        for number in numbers:
-            self._validate_one(number, self.validation)
-        self.log.plot()
-        self._export()
-
-    def _validate_one(self, number: int, validation: CocoStream) -> None:
-        config, recipe = self.recipe.validation, self.recipe.variants()[number]
-        detector = Detector(self._averaged(number), recipe.card(self.stream.classes, {}, {}))
-        limit = config.max_images or validation.n_images
-        spread = np.linspace(0, validation.n_images - 1, min(limit, validation.n_images))
-        found: Validation = validate_detector(
-            detector,
-            map(validation.read, spread.round().astype(int).tolist()),
-            self.stream.classes,
-            self.stream.symmetries,
-            recipe.grid.grid(),
-            config,
-        )
-        figures = self.figures[recipe.name] = found.figures()
-        if number == 0:
-            self.log.add_event(self.state.step, "validated", figures=figures)
-            write_confusions(found, self.out)
-
-    def _export(self) -> Path:
-        """Write the detectors as they stand, for `load_detector`; returns the main one's file."""
-        paths = []
-        for number, recipe in enumerate(self.recipe.variants()):
-            figures: dict[str, Any] = {"n_steps": self.state.step}
-            if recipe.name in self.figures:
-                name = "validation" if self.validation is None else self.validation.name
-                figures |= {"validation_set": name, "validation": self.figures[recipe.name]}
-            card = recipe.card(self.stream.classes, self.data["training"], figures)
-            paths.append(self.out / f"{recipe.name}.safetensors")
-            save_checkpoint(self._averaged(number), card, paths[-1])
-        return paths[0]
 
 
 def _optimiser(network: torch.nn.Module, section: OptimiserSection) -> torch.optim.Optimizer:

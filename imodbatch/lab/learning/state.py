@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from imodbatch.core.errors import ConfigError
+from imodbatch.detection.network import MultiViewFasterRCNN
 from imodbatch.lab.learning.recipes import Recipe, first_difference
 from imodbatch.tables.atomic import replacing
 
@@ -31,7 +32,7 @@ class TrainingState:
         step: steps done.
     """
 
-    network: nn.Module
+    network: MultiViewFasterRCNN
     optimiser: torch.optim.Optimizer
     average: dict[str, Tensor]
     step: int = 0
