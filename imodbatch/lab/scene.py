@@ -15,39 +15,7 @@ from numpy.typing import NDArray
 
 from imodbatch.lab.mesh import ObjectModel, TexturedMesh
 from imodbatch.lab.render import blender, raycast
-from imodbatch.lab.render.raycast import (
-    NO_INSTANCE,
-    BulbLight,
-    Frame,
-    InstanceView,
-    Light,
-    PanelLight,
-    Renderer,
-    RenderSettings,
-    Sky,
-    SunLight,
-    View,
-)
-
-__all__ = [
-    "NO_INSTANCE",
-    "BulbLight",
-    "Frame",
-    "InstanceView",
-    "Light",
-    "PanelLight",
-    "PlacedModel",
-    "RenderSettings",
-    "Renderer",
-    "Sky",
-    "SunLight",
-    "View",
-    "ViewRenderer",
-    "make_renderer",
-    "make_scene",
-    "render_view",
-    "render_views",
-]
+from imodbatch.lab.render.raycast import NO_INSTANCE, Light, Renderer, RenderSettings, Sky, View
 
 ViewRenderer = Literal["embree", "blender"]
 _VIEW_RENDERERS: dict[

@@ -6,16 +6,8 @@ import pytest
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import make_transform
 from imodbatch.lab.mesh import ObjectModel, Surface, TexturedMesh
-from imodbatch.lab.render.raycast import viewpoint_transform
-from imodbatch.lab.scene import (
-    BulbLight,
-    PlacedModel,
-    RenderSettings,
-    Sky,
-    make_renderer,
-    make_scene,
-    render_view,
-)
+from imodbatch.lab.render.raycast import BulbLight, RenderSettings, Sky, viewpoint_transform
+from imodbatch.lab.scene import PlacedModel, make_renderer, make_scene, render_view
 
 CAMERA = PinholeCamera(120, 90, 110.0, 110.0, 60.0, 45.0)
 

@@ -8,15 +8,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
-from PIL import Image
 
-from imodbatch.core.frames import quaternion_from_matrix
 from imodbatch.datasets.coco import box_entry, coco_text, image_entry
 from imodbatch.lab.analytic.catalogue import CLASSES
 from imodbatch.lab.analytic.detector import Detection
-from imodbatch.lab.analytic.sensor import to_millimetres
 from imodbatch.lab.analytic.sequence import CAMERA, Frame
 from imodbatch.lab.analytic.truth import TrueObject
+from imodbatch.lab.disk.images import write_depth, write_image
+from imodbatch.lab.disk.trajectory import write_tum
 from imodbatch.tables.atomic import replacing, write_text
 from imodbatch.tables.schemas import BOX
 
@@ -31,25 +30,14 @@ def frame_file(kind: str, frame_index: int) -> str:
 
 def write_images(sequence_folder: Path, frame_index: int, frame: Frame) -> None:
     """Colour as 8-bit RGB, measured depth as 16-bit millimetres (0 = none)."""
-    images = {
-        "color": Image.fromarray(frame.color),
-        "depth": Image.fromarray(to_millimetres(frame.measured_depth_m)),
-    }
-    for kind, image in images.items():
-        path = sequence_folder / frame_file(kind, frame_index)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as file:
-            image.save(file, "PNG")
+    write_image(sequence_folder / frame_file("color", frame_index), frame.color)
+    write_depth(sequence_folder / frame_file("depth", frame_index), frame.measured_depth_m)
 
 
 def write_trajectory(path: Path, world_from_cam: NDArray[np.float64]) -> None:
-    """Poses (F, 4, 4) as TUM lines ``stamp tx ty tz qx qy qz qw``, world_from_cam."""
-    lines = ["# stamp_s tx_m ty_m tz_m qx qy qz qw: camera in the world, +z up"]
-    for frame_index, pose in enumerate(world_from_cam):
-        w, x, y, z = quaternion_from_matrix(pose[:3, :3])
-        numbers = " ".join(f"{value:.12f}" for value in (*pose[:3, 3], x, y, z, w))
-        lines.append(f"{frame_index / FRAMES_PER_SECOND:.6f} {numbers}")
-    write_text(path, "\n".join(lines) + "\n")
+    """Poses (F, 4, 4), world_from_cam."""
+    comment = "stamp_s tx_m ty_m tz_m qx qy qz qw: camera in the world, +z up"
+    write_tum(path, world_from_cam, FRAMES_PER_SECOND, comment, digits=12)
 
 
 def write_annotations(path: Path, seen_by_frame: Sequence[Sequence[TrueObject]]) -> None:

@@ -36,12 +36,6 @@ def disturb(depth_m: Array, rng: np.random.Generator, noise: DepthNoise) -> Arra
     return np.where(rng.random(depth_m.shape) < hole_chance, np.nan, measured)
 
 
-def to_millimetres(depth_m: Array) -> NDArray[np.uint16]:
-    """Depth (H, W) in metres as 16-bit millimetres; 0 = none or beyond 65.535 m."""
-    millimetres = np.round(np.nan_to_num(depth_m, nan=0.0) * 1000)
-    return np.where(millimetres <= 65535, millimetres, 0).astype(np.uint16)
-
-
 def _is_at_a_jump(depth_m: Array, jump_fraction: float) -> NDArray[np.bool_]:
     """Pixels (H, W) that differ from a neighbour above, below, left or right by a jump."""
     jump = np.zeros(depth_m.shape, dtype=np.bool_)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from imodbatch.core.viewpoint import FULL_TURN_RAD, view_angles
 from imodbatch.lab.analytic.render import Trace
 from imodbatch.lab.analytic.world import World
+from imodbatch.lab.masks import bounds_of
 
 MIN_VISIBLE_FRACTION = 0.4
 """An object of which less shows is annotated as ignored."""
@@ -27,7 +28,6 @@ class TrueObject:
         visible_fraction: the share of its silhouette within the image that nothing hides.
         is_cut: its silhouette touches the image's border.
         azimuth_rad: from where it is seen in the object's own frame, [0, 2π).
-        world_azimuth_rad: the same in the world, so ``azimuth = world azimuth - yaw``.
         elevation_rad: above the horizon.
     """
 
@@ -39,7 +39,6 @@ class TrueObject:
     visible_fraction: float
     is_cut: bool
     azimuth_rad: float
-    world_azimuth_rad: float
     elevation_rad: float
 
     @property
@@ -55,8 +54,10 @@ def true_objects(
     found = []
     for index, placed in enumerate(world.objects):
         visible, alone = traced.owner == index, traced.alone[index]
-        if not visible.any():
+        bounds = bounds_of(visible)
+        if bounds is None:
             continue
+        left, top, right, bottom = map(float, bounds)
         azimuth, elevation = view_angles(placed.xyz_world, world_from_cam[:3, 3])
         edges = np.r_[alone[0], alone[-1], alone[:, 0], alone[:, -1]]
         found.append(
@@ -64,19 +65,12 @@ def true_objects(
                 object_index=index,
                 class_id=placed.class_id,
                 instance_id=placed.instance_id,
-                box_px=mask_box(visible),
+                box_px=(left, top, right, bottom),
                 n_pixels=int(visible.sum()),
                 visible_fraction=float(visible.sum() / alone.sum()),
                 is_cut=bool(edges.any()),
                 azimuth_rad=float((azimuth - placed.yaw_rad) % FULL_TURN_RAD),
-                world_azimuth_rad=float(azimuth),
                 elevation_rad=float(elevation),
             )
         )
     return found
-
-
-def mask_box(mask: NDArray[np.bool_]) -> tuple[float, float, float, float]:
-    """(x0, y0, x1, y1) in continuous pixels around the true pixels of a mask (H, W)."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return (float(columns[0]), float(rows[0]), float(columns[-1] + 1), float(rows[-1] + 1))

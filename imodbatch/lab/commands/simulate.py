@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from imodbatch.lab.commands.progress import bar
+from imodbatch.lab.progress import bar
 
 
 @click.command()

@@ -6,7 +6,7 @@ from typing import Literal
 
 import click
 
-from imodbatch.lab.commands.progress import bar
+from imodbatch.lab.progress import bar
 
 
 @click.command()

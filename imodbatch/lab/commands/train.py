@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from imodbatch.lab.commands.progress import bar
+from imodbatch.lab.progress import bar
 
 
 @click.command()

@@ -18,11 +18,10 @@ sequence   frames: what is true and what is measured
 files      how a drive lies on disk
 manifests  the dataset described to the pipeline
 dataset    `write_house_dataset`: everything on disk, resumable
-processes  work shared out among processes
 backgrounds  pictures without targets, for composing training images, resumable
 """
 
-from imodbatch.lab.houses.backgrounds import background_frames, write_backgrounds
+from imodbatch.lab.houses.backgrounds import write_backgrounds
 from imodbatch.lab.houses.dataset import write_house_dataset
 
-__all__ = ["background_frames", "write_backgrounds", "write_house_dataset"]
+__all__ = ["write_backgrounds", "write_house_dataset"]

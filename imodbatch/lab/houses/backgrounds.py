@@ -9,7 +9,7 @@ A run that broke off goes on with the first house of which a picture is missing 
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -20,15 +20,17 @@ from numpy.typing import NDArray
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.errors import DataError
 from imodbatch.lab.analytic.path import look_at
+from imodbatch.lab.disk.folders import refuse_file
 from imodbatch.lab.houses.dataset import DONE, VERSION
 from imodbatch.lab.houses.drive import HIGHEST_M, LOWEST_M
 from imodbatch.lab.houses.files import write_color
 from imodbatch.lab.houses.planner import FreeSpace
-from imodbatch.lab.houses.processes import results
 from imodbatch.lab.houses.sensor import ColorCamera
 from imodbatch.lab.houses.sequence import CAMERA, SETTINGS
-from imodbatch.lab.houses.styles import STYLES
+from imodbatch.lab.houses.styles import check_split
 from imodbatch.lab.houses.world import DRIVE_STREAM, SENSOR_STREAM, House, make_house
+from imodbatch.lab.processes import results
+from imodbatch.lab.progress import Progress, silent
 from imodbatch.tables.atomic import write_text
 
 N_PICTURES = 300
@@ -39,27 +41,19 @@ ROOMS_FILE = "rooms.json"
 Picture = NDArray[np.uint8]
 
 
-def background_frames(
-    split: str = "train", n: int = N_PICTURES, seed: int = 0, camera: PinholeCamera = CAMERA
-) -> Iterator[Picture]:
-    """Colour images (H, W, 3) of houses of a split that hold no target, six of each house.
-
-    The robot stands at random free places and looks at a table, a shelf or somewhere else.
-    """
-    for numbers in _by_house(n):
-        yield from _of_house(_house(split, seed, numbers), len(numbers), camera)
-
-
 def write_backgrounds(
     folder: Path,
     split: str = "train",
     n: int = N_PICTURES,
     seed: int = 0,
-    progress: Callable[[int, int], None] = lambda _done, _total: None,
+    progress: Progress = silent,
     n_processes: int = 1,
     camera: PinholeCamera = CAMERA,
 ) -> list[Path]:
-    """Write `background_frames`; pictures that lie there whole are kept.
+    """Write colour images of houses of a split that hold no target, six of each house.
+
+    The robot stands at random free places and looks at a table, a shelf or somewhere else. Pictures
+    that lie there whole are kept.
 
     Args:
         folder: where to, made if needed; pictures of other settings that it holds are replaced.
@@ -76,8 +70,7 @@ def write_backgrounds(
     Raises:
         DataError: no such split, or the folder holds such pictures of unknown origin.
     """
-    if split not in STYLES:
-        raise DataError(f"No split is called {split!r}; there are {', '.join(STYLES)}.")
+    check_split(split)
     settings = _settings(split, seed, camera)
     paths = [folder / _file_name(number) for number in range(n)]
     _claim(folder, settings)
@@ -139,8 +132,7 @@ def _claim(folder: Path, settings: dict[str, Any]) -> None:
     Raises:
         DataError: it holds pictures and does not say that they are ours.
     """
-    if folder.exists() and not folder.is_dir():
-        raise DataError(f"{folder}: is a file, expected a folder. Name another one.")
+    refuse_file(folder)
     folder.mkdir(parents=True, exist_ok=True)
     about, pictures = folder / ROOMS_FILE, _pictures(folder)
     if pictures and not about.exists():

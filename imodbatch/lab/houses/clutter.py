@@ -115,7 +115,6 @@ def lamp(rng: np.random.Generator, style: Style) -> Item:
 ITEMS: tuple[Callable[[np.random.Generator, Style], Item], ...] = (
     books, carton, vase, bottle, tin, pot_plant, frame, lamp, carton, books, bottle, tin,
 )  # fmt: skip
-FLAT_ENOUGH_M = 0.25
 
 
 def random_item(rng: np.random.Generator, style: Style, clear_m: float = 1.0) -> Item:

@@ -4,27 +4,28 @@
     FOLDER/house_1/color/000000.jpg  depth/000000.png (16-bit mm, 0 = none)
     FOLDER/house_1/odometry.txt  trajectory_true.txt (TUM)  annotations.json (COCO)  objects.json
 
-A sequence is made in a hidden folder that takes its name when complete; its own ``DONE`` holds the
-settings it was made with and every file's size. So a run that broke off goes on with the next
-sequence, other settings or a lost file make a sequence anew, and the dataset's ``DONE`` comes last.
+A sequence is made in a hidden folder that takes its name when complete, with a record ``DONE`` of
+its own. So a run that broke off goes on with the next sequence, other settings or a lost file make
+a sequence anew, and the dataset's ``DONE`` comes last.
 """
 
 import hashlib
 import json
-import re
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.errors import DataError
+from imodbatch.lab.disk.folders import refuse_foreign
+from imodbatch.lab.disk.record import Settings, is_whole, write_record
 from imodbatch.lab.houses.drive import make_drive
 from imodbatch.lab.houses.files import (
     ODOMETRY_FILE,
     TRUE_POSES_FILE,
+    true_place,
     write_annotations,
     write_camera,
     write_images,
@@ -32,25 +33,21 @@ from imodbatch.lab.houses.files import (
 )
 from imodbatch.lab.houses.manifests import MANIFEST, MANIFEST_TRUE, manifest_texts
 from imodbatch.lab.houses.odometry import odometry
-from imodbatch.lab.houses.processes import results
 from imodbatch.lab.houses.sequence import CAMERA, frames
-from imodbatch.lab.houses.styles import STYLES
+from imodbatch.lab.houses.styles import check_split
 from imodbatch.lab.houses.world import SENSOR_STREAM, House, make_house
 from imodbatch.lab.mesh import ObjectModel
 from imodbatch.lab.objects.catalogue import OBJECTS, load_object
+from imodbatch.lab.processes import results
+from imodbatch.lab.progress import Progress, silent
 from imodbatch.tables.atomic import replacing_folder, sweep, write_text
 
 VERSION = 2
 """Raised when the same seed gives another dataset than before."""
 DONE, CAMERA_FILE = "DONE", "camera.json"
+FILES = (DONE, CAMERA_FILE, MANIFEST, MANIFEST_TRUE)
 N_WORLDS, N_FRAMES = 4, 75
-Progress = Callable[[int, int], None]
-Settings = dict[str, Any]
 ODOMETRY_STREAM = SENSOR_STREAM + 2
-
-
-def _silent(_done: int, _total: int) -> None:
-    """No progress bar."""
 
 
 def _advance(progress: Progress, n_before: int, total: int, n_here: int) -> None:
@@ -65,7 +62,7 @@ def write_house_dataset(
     n_worlds: int = N_WORLDS,
     n_frames: int = N_FRAMES,
     models: Sequence[ObjectModel] | None = None,
-    progress: Progress = _silent,
+    progress: Progress = silent,
     n_processes: int = 1,
     camera: PinholeCamera = CAMERA,
 ) -> None:
@@ -85,8 +82,7 @@ def write_house_dataset(
     Raises:
         DataError: no such split, or the folder holds files that are not ours.
     """
-    if split not in STYLES:
-        raise DataError(f"No split is called {split!r}; there are {', '.join(STYLES)}.")
+    check_split(split)
     if n_worlds < 1 or n_frames < 4:
         raise DataError("A dataset needs at least 1 world and 4 frames per world.")
     chosen = catalogue() if models is None else list(models)
@@ -99,16 +95,16 @@ def write_house_dataset(
         "models": [f"{model.name} {digest(model)}" for model in chosen],
     }
     folder = folder.resolve()
-    _check_is_ours(folder)
+    refuse_foreign(folder, FILES, r"house_\d+|\..+\.partial", "a house dataset")
     folder.mkdir(parents=True, exist_ok=True)
     total = n_worlds * n_frames
     todo = [
         index
         for index in range(n_worlds)
-        if not is_complete(folder / sequence_id(index), {**settings, "index": index})
+        if not is_whole(folder / sequence_id(index) / DONE, {**settings, "index": index})
     ]
     whole = {**settings, "n_worlds": n_worlds}
-    if not todo and is_complete(folder, whole):
+    if not todo and is_whole(folder / DONE, whole):
         return
     (folder / DONE).unlink(missing_ok=True)
     _drop_others(folder, n_worlds)
@@ -130,7 +126,7 @@ def write_house_dataset(
     texts = manifest_texts(folder.name, split, classes, camera, sequence_ids)
     for name, text in texts.items():
         write_text(folder / name, text)
-    _write_done(folder, whole)
+    write_record(folder / DONE, whole)
 
 
 def catalogue() -> list[ObjectModel]:
@@ -147,15 +143,6 @@ def digest(model: ObjectModel) -> str:
     """Tells models apart by shape and texture."""
     parts = (model.mesh.vertices, model.mesh.faces, model.mesh.corner_uvs, model.mesh.texture)
     return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()[:12]
-
-
-def is_complete(folder: Path, settings: Settings) -> bool:
-    """Whether what was made with these settings lies there with every file in its full length."""
-    try:
-        done = json.loads((folder / DONE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return bool(done == {"settings": settings, "bytes": _sizes(folder)})
 
 
 def _write_sequence(
@@ -182,34 +169,19 @@ def _write_sequence(
         classes = {model.name: model.symmetry for model in models}
         write_annotations(unfinished / "annotations.json", camera, classes, seen_by_frame)
         write_text(unfinished / "objects.json", _objects(house, drive.kind))
-        _write_done(unfinished, {**settings, "index": index})
+        write_record(unfinished / DONE, {**settings, "index": index})
 
 
 def _objects(house: House, kind: str) -> str:
     """Where the targets truly stand."""
     objects = [
         {
-            "instance": target.instance_id,
-            "class": target.model.name,
-            "xyz_world_m": [round(float(v), 6) for v in target.middle_world],
-            "yaw_deg": round(target.yaw_rad * 57.29577951308232, 6),
+            **true_place(target),
             "stands_on": house.furniture[target.place].piece.kind if target.place >= 0 else "floor",
         }
         for target in house.targets
     ]
     return json.dumps({"drive": kind, "objects": objects}, indent=1) + "\n"
-
-
-def _write_done(folder: Path, settings: Settings) -> None:
-    content = {"settings": settings, "bytes": _sizes(folder)}
-    write_text(folder / DONE, json.dumps(content, indent=1) + "\n")
-
-
-def _sizes(folder: Path) -> dict[str, int]:
-    """Every file's length in bytes, by path within the folder; its own `DONE` is left out."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    sizes = {path.relative_to(folder).as_posix(): path.stat().st_size for path in files}
-    return {name: size for name, size in sizes.items() if name != DONE}
 
 
 def _drop_others(folder: Path, n_worlds: int) -> None:
@@ -219,20 +191,3 @@ def _drop_others(folder: Path, n_worlds: int) -> None:
     for path in folder.iterdir():
         if path.is_dir() and path.name not in wanted:
             shutil.rmtree(path)
-
-
-def _check_is_ours(folder: Path) -> None:
-    """Refuse to write into a folder that holds anything which this module does not write."""
-    if not folder.exists():
-        return
-    if not folder.is_dir():
-        raise DataError(f"{folder}: is a file, expected a folder. Name another.")
-    files = {DONE, CAMERA_FILE, MANIFEST, MANIFEST_TRUE}
-    ours = re.compile(r"house_\d+|\..+\.partial")
-    names = sorted(path.name for path in folder.iterdir())
-    foreign = [name for name in names if name not in files and not ours.fullmatch(name)]
-    if foreign:
-        raise DataError(
-            f"{folder}: holds {foreign[0]!r}, which is no part of a house dataset. "
-            "Name an empty or new folder."
-        )

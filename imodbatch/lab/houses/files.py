@@ -2,20 +2,21 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.core.frames import quaternion_from_matrix
 from imodbatch.core.symmetry import Symmetry
 from imodbatch.datasets.coco import box_entry, coco_text, image_entry
-from imodbatch.lab.analytic.sensor import to_millimetres
+from imodbatch.lab.disk.images import write_depth, write_image
+from imodbatch.lab.disk.trajectory import write_tum
+from imodbatch.lab.houses.arranging import Target
 from imodbatch.lab.houses.sequence import GRID_8, GRID_16, HouseFrame, SeenTarget
-from imodbatch.tables.atomic import replacing, write_text
+from imodbatch.tables.atomic import write_text
 
 FRAMES_PER_SECOND = 5
 ODOMETRY_FILE, TRUE_POSES_FILE = "odometry.txt", "trajectory_true.txt"
@@ -29,29 +30,19 @@ def color_file(frame_index: int) -> str:
 
 def write_color(path: Path, color: NDArray[np.uint8]) -> None:
     """A JPEG without chroma subsampling: small print stays. Whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as file:
-        Image.fromarray(color).save(file, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+    write_image(path, color, "JPEG", quality=JPEG_QUALITY, subsampling=0)
 
 
 def write_images(folder: Path, frame_index: int, frame: HouseFrame) -> None:
     """Colour as JPEG, measured depth as 16-bit millimetres (0 = none)."""
     write_color(folder / color_file(frame_index), frame.color)
-    path = folder / f"depth/{frame_index:06d}.png"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    depth = to_millimetres(frame.measured_depth_m.astype(np.float64))
-    with replacing(path) as file:
-        Image.fromarray(depth).save(file, "PNG", compress_level=4)
+    write_depth(folder / f"depth/{frame_index:06d}.png", frame.measured_depth_m, compress_level=4)
 
 
 def write_trajectory(path: Path, world_from_cam: NDArray[np.float64], what: str) -> None:
-    """Poses (F, 4, 4) as TUM lines ``stamp tx ty tz qx qy qz qw``, world_from_cam."""
-    lines = [f"# {what}: stamp_s tx_m ty_m tz_m qx qy qz qw, camera in the world, +z up"]
-    for frame_index, pose in enumerate(world_from_cam):
-        w, x, y, z = quaternion_from_matrix(pose[:3, :3])
-        numbers = " ".join(f"{value:.9f}" for value in (*pose[:3, 3], x, y, z, w))
-        lines.append(f"{frame_index / FRAMES_PER_SECOND:.6f} {numbers}")
-    write_text(path, "\n".join(lines) + "\n")
+    """Poses (F, 4, 4), world_from_cam, of which `what` says how they were found."""
+    comment = f"{what}: stamp_s tx_m ty_m tz_m qx qy qz qw, camera in the world, +z up"
+    write_tum(path, world_from_cam, FRAMES_PER_SECOND, comment)
 
 
 def write_annotations(
@@ -95,13 +86,18 @@ def _box(seen: SeenTarget) -> dict[str, Any]:
 def write_camera(path: Path, camera: PinholeCamera) -> None:
     """Intrinsics in continuous pixels; depth is registered to colour, in millimetres."""
     content = {
-        "width_px": camera.width_px,
-        "height_px": camera.height_px,
-        "fx_px": camera.fx_px,
-        "fy_px": camera.fy_px,
-        "cx_px": camera.cx_px,
-        "cy_px": camera.cy_px,
+        **asdict(camera),
         "depth_scale_m": 0.001,
         "frames_per_second": FRAMES_PER_SECOND,
     }
     write_text(path, json.dumps(content, indent=1) + "\n")
+
+
+def true_place(target: Target) -> dict[str, Any]:
+    """Where a target truly stands, for ``objects.json``."""
+    return {
+        "instance": target.instance_id,
+        "class": target.model.name,
+        "xyz_world_m": [round(float(v), 6) for v in target.middle_world],
+        "yaw_deg": round(float(np.rad2deg(target.yaw_rad)), 6),
+    }

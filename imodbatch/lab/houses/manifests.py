@@ -4,12 +4,10 @@
 what the shipped ``manifests/house_*.toml`` say, for other classes, cameras and numbers of houses.
 """
 
-import json
-import re
 from collections.abc import Sequence
-from dataclasses import asdict
 
 from imodbatch.core.camera import PinholeCamera
+from imodbatch.lab.disk.manifest import camera_fields, quoted, safe_name
 from imodbatch.lab.houses.drive import kind_of
 from imodbatch.lab.houses.files import FRAMES_PER_SECOND, ODOMETRY_FILE, TRUE_POSES_FILE
 
@@ -81,12 +79,12 @@ def manifest_texts(
     """
     name = safe_name(folder_name)
     common = {
-        "description": _quoted(
+        "description": quoted(
             f"Simulated houses, {split} split: a robot with an RGB-D camera drives round and "
             "towards the objects; boxes are exact and enclose whole outlines."
         ),
-        "classes": "\n".join(f"    {_quoted(class_name)}," for class_name in classes),
-        "camera": ", ".join(f"{field} = {value}" for field, value in asdict(camera).items()),
+        "classes": "\n".join(f"    {quoted(class_name)}," for class_name in classes),
+        "camera": camera_fields(camera),
         "frames_per_second": FRAMES_PER_SECOND,
         "true_path": TRUE_POSES_FILE,
     }
@@ -96,24 +94,14 @@ def manifest_texts(
     )
     driven = _TEXT.format(
         poses=f"Poses are wheel odometry; {MANIFEST_TRUE} has the true ones.",
-        name=_quoted(name),
+        name=quoted(name),
         path=ODOMETRY_FILE,
         **common,
     )
     true = _TEXT.format(
         poses=f"As {MANIFEST}, but with the true poses in place of wheel odometry.",
-        name=_quoted(f"{name}_true"),
+        name=quoted(f"{name}_true"),
         path=TRUE_POSES_FILE,
         **common,
     )
     return {MANIFEST: driven + sequences, MANIFEST_TRUE: true + sequences}
-
-
-def safe_name(folder_name: str) -> str:
-    """A folder's name with what may not stand in a dataset's name replaced."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "_", folder_name).lstrip("._-") or "houses"
-
-
-def _quoted(text: str) -> str:
-    """A TOML string; JSON escapes the same characters in the same way."""
-    return json.dumps(text, ensure_ascii=False)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
-from imodbatch.lab.scene import Frame
+from imodbatch.lab.render.raycast import Frame
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]

@@ -13,7 +13,7 @@ from imodbatch.lab.houses.arranging import Target
 from imodbatch.lab.houses.sensor import ColorCamera, measure_depth
 from imodbatch.lab.houses.world import SENSOR_STREAM, House
 from imodbatch.lab.mesh import TexturedMesh
-from imodbatch.lab.scene import InstanceView, RenderSettings
+from imodbatch.lab.render.raycast import InstanceView, RenderSettings
 
 Array = NDArray[np.float64]
 CAMERA = PinholeCamera(640, 480, 525.0, 525.0, 320.0, 240.0)

@@ -10,7 +10,7 @@ import numpy as np
 from imodbatch.lab.houses.solids import Material, Solids
 from imodbatch.lab.houses.styles import GLOSSY, Style
 from imodbatch.lab.mesh import TexturedMesh
-from imodbatch.lab.scene import PanelLight
+from imodbatch.lab.render.raycast import PanelLight
 
 THICK_M = 0.12
 SILL_M, LINTEL_M = 0.95, 2.05

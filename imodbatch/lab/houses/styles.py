@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from imodbatch.core.errors import DataError
 from imodbatch.lab.houses import textures as t
 from imodbatch.lab.houses.solids import Material
 from imodbatch.lab.mesh import Surface
@@ -193,6 +194,16 @@ TEST = Style(
     (1, 3),
 )
 STYLES: dict[str, Style] = {"train": TRAIN, "val": VAL, "test": TEST}
+
+
+def check_split(split: str) -> None:
+    """Refuse what is no split.
+
+    Raises:
+        DataError: no split has that name.
+    """
+    if split not in STYLES:
+        raise DataError(f"No split is called {split!r}; there are {', '.join(STYLES)}.")
 
 
 def white_of(kelvin: float) -> tuple[float, float, float]:

@@ -11,15 +11,8 @@ from imodbatch.lab.houses.floorplan import Placed, furnish
 from imodbatch.lab.houses.shell import Shell, make_shell, window_light
 from imodbatch.lab.houses.styles import STREAM_OF_SPLIT, STYLES, Style, white_of
 from imodbatch.lab.mesh import ObjectModel, TexturedMesh
-from imodbatch.lab.scene import (
-    BulbLight,
-    Light,
-    PlacedModel,
-    Renderer,
-    RenderSettings,
-    Sky,
-    make_renderer,
-)
+from imodbatch.lab.render.raycast import BulbLight, Light, Renderer, RenderSettings, Sky
+from imodbatch.lab.scene import PlacedModel, make_renderer
 
 Array = NDArray[np.float64]
 FEWEST_TARGETS, MOST_TARGETS = 8, 10

@@ -14,7 +14,6 @@ the same weights as one that ran through. OUT holds
 import math
 import time
 from collections import defaultdict
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,10 +30,10 @@ from imodbatch.lab.learning.samples import CocoStream, Stream
 from imodbatch.lab.learning.start import set_training_mode, start_network
 from imodbatch.lab.learning.state import TrainingState, load_state, save_state
 from imodbatch.lab.learning.targets import JointViewTargets, ViewTargets
+from imodbatch.lab.progress import Progress, silent
 
 LOG_EVERY_STEPS = 20
 STEP_SEED_SPACING = 1_000_003  # a prime, so that neighbouring seeds share no step's generator
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ def train(
     validation: CocoStream | None = None,
     minutes: float | None = None,
     resume: bool = False,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Outcome:
     """Train a detector, or go on with it.
 
@@ -142,7 +141,7 @@ class _Run:
         )
         self._sums: dict[str, float] = defaultdict(float)
 
-    def phase(self, deadline: float, progress: Progress | None) -> None:
+    def phase(self, deadline: float, progress: Progress) -> None:
         """Run the phase that the step is in, to its end or to the deadline."""
         recipe, state = self.recipe, self.state
         on_crops = state.step < recipe.n_crop_steps
@@ -156,8 +155,7 @@ class _Run:
             self._step(batch)
             if state.step % LOG_EVERY_STEPS == 0 or state.step == end:
                 self._write_row("crops" if on_crops else "images")
-            if progress is not None:
-                progress(state.step, recipe.n_steps)
+            progress(state.step, recipe.n_steps)
             is_last = state.step == recipe.n_steps
             if not on_crops and (is_last or self._is_due(recipe.validation.every_steps)):
                 self.detectors.validate(None if is_last else 1)

@@ -17,9 +17,10 @@ from imodbatch.core.boxes import clip
 from imodbatch.core.errors import ConfigError
 from imodbatch.core.symmetry import Symmetry
 from imodbatch.core.viewpoint import ViewGrid
+from imodbatch.lab.masks import bounds_of
 from imodbatch.lab.pictures.backgrounds import random_background
 from imodbatch.lab.pictures.blending import BLENDINGS, SILHOUETTE, Patch, contact_shadow
-from imodbatch.lab.pictures.cutouts import Cutouts, bounds_of, load_cutouts, resize_cutout
+from imodbatch.lab.pictures.cutouts import Cutouts, load_cutouts, resize_cutout
 from imodbatch.lab.pictures.photometry import jitter_image, jitter_object
 from imodbatch.lab.pictures.placing import random_corner, random_scale
 from imodbatch.lab.pictures.settings import ComposeSettings

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from imodbatch.core.errors import DataError
 from imodbatch.core.symmetry import Symmetry
+from imodbatch.lab.masks import bounds_of
 from imodbatch.tables.atomic import replacing, write_text
 
 Pixels = NDArray[np.uint8]
@@ -72,14 +73,6 @@ class Cutouts:
         start = int(self.png_ends[index - 1]) if index else 0
         png = np.asarray(self.pngs[start : int(self.png_ends[index])])
         return cv2.cvtColor(cv2.imdecode(png, cv2.IMREAD_UNCHANGED), cv2.COLOR_BGRA2RGBA)
-
-
-def bounds_of(mask: NDArray[np.bool_]) -> tuple[int, int, int, int] | None:
-    """Left, top, right and bottom (exclusive) of the pixels (H, W) that are set; None = none is."""
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    if not len(rows):
-        return None
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
 def crop_to_object(rgba: Pixels) -> Pixels | None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imodbatch.lab.scene import RenderSettings, Sky, SunLight
+from imodbatch.lab.render.raycast import RenderSettings, Sky, SunLight
 
 Rgb = tuple[float, float, float]
 

@@ -18,7 +18,8 @@ from imodbatch.lab.models import load_models
 from imodbatch.lab.objects import OBJECTS, load_object
 from imodbatch.lab.pictures.settings import ComposeSettings
 from imodbatch.lab.pictures.turntable import class_names_of, read_turntable
-from imodbatch.lab.pictures.views import Progress, ViewSettings, prepare_views
+from imodbatch.lab.pictures.views import ViewSettings, prepare_views
+from imodbatch.lab.progress import Progress, silent
 from imodbatch.lab.tabletop.world import CLASSES, POOL, class_symmetry
 from imodbatch.lab.variants import make_distractor, make_instance
 
@@ -117,7 +118,7 @@ def views_of(
     settings: ViewSettings,
     cache: Path,
     workers: int = 1,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> tuple[list[Path], str]:
     """Cutouts of models, and a line."""
     rendered = _Rendered(progress)
@@ -128,7 +129,7 @@ def views_of(
 
 
 def room_backgrounds(
-    cache: Path, n: int = N_ROOMS, workers: int = 1, progress: Progress | None = None
+    cache: Path, n: int = N_ROOMS, workers: int = 1, progress: Progress = silent
 ) -> tuple[list[Path], str]:
     """Pictures of simulated training rooms in which no target stands, and a line."""
     rendered = _Rendered(progress)
@@ -140,7 +141,7 @@ def room_backgrounds(
 class _Rendered:
     """Progress that tells what is made from what was there at the first call; `str` says both."""
 
-    def __init__(self, progress: Progress | None) -> None:
+    def __init__(self, progress: Progress) -> None:
         self.progress, self.begin = progress, time.perf_counter()
         self.n_found: int | None = None
         self.n_total = 0
@@ -148,8 +149,7 @@ class _Rendered:
     def __call__(self, done: int, total: int) -> None:
         self.n_found = done if self.n_found is None else self.n_found
         self.n_total = total
-        if self.progress:
-            self.progress(done, total)
+        self.progress(done, total)
 
     def __str__(self) -> str:
         found = self.n_found or 0

@@ -8,10 +8,8 @@ are their true angles.
 import hashlib
 import json
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +20,11 @@ from imodbatch.core.viewpoint import FULL_TURN_RAD, ViewGrid
 from imodbatch.lab.mesh import ObjectModel, TexturedMesh
 from imodbatch.lab.pictures.cutouts import Cutout, crop_to_object, write_cutouts
 from imodbatch.lab.pictures.lighting import random_lights, random_settings
+from imodbatch.lab.processes import results
+from imodbatch.lab.progress import Progress, silent
 from imodbatch.lab.render import blender
-from imodbatch.lab.render.raycast import viewpoint_transform
-from imodbatch.lab.scene import View, ViewRenderer, render_views
+from imodbatch.lab.render.raycast import View, viewpoint_transform
+from imodbatch.lab.scene import ViewRenderer, render_views
 
 PAPER_GRID = ViewGrid(16, tuple(np.deg2rad([10.0, 30.0, 50.0]).tolist()))
 VERSION = 1
@@ -33,8 +33,6 @@ WITHIN_BIN = 0.999
 """Of half a bin: a jittered view never lands on the border, so its bin is not in doubt."""
 FILL = 0.96
 """Share of the render's side that the object's longer side spans."""
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -93,7 +91,7 @@ def prepare_views(
     settings: ViewSettings | None = None,
     *,
     workers: int = 1,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> list[Path]:
     """Render what the cache does not hold yet.
 
@@ -116,20 +114,10 @@ def prepare_views(
     todo = [i for i, table in enumerate(tables) if not table.is_file()]
     done = (len(models) - len(todo)) * settings.n_views
     total = len(models) * settings.n_views
-    advance = progress or (lambda _done, _total: None)
-    advance(done, total)
-    if workers <= 1 or len(todo) <= 1:
-        for i in todo:
-            _render_to(stems[i], models[i], settings)
-            done += settings.n_views
-            advance(done, total)
-        return tables
-    with ProcessPoolExecutor(min(workers, len(todo)), get_context("spawn")) as executor:
-        jobs = [executor.submit(_render_to, stems[i], models[i], settings) for i in todo]
-        for job in as_completed(jobs):
-            job.result()
-            done += settings.n_views
-            advance(done, total)
+    progress(done, total)
+    for _ in results(_render_to, [(stems[i], models[i], settings) for i in todo], workers):
+        done += settings.n_views
+        progress(done, total)
     return tables
 
 
@@ -142,14 +130,6 @@ def render_cutouts(model: ObjectModel, settings: ViewSettings) -> Iterator[Cutou
         for variant in range(settings.n_variants)
     ]
     return _cutouts_of(model, views, settings.renderer)
-
-
-def render_cutout(
-    model: ObjectModel, settings: ViewSettings, elevation_bin: int, azimuth_bin: int, variant: int
-) -> Cutout:
-    """One cutout; depends on its arguments alone."""
-    view = plan_view(model, settings, elevation_bin, azimuth_bin, variant)
-    return next(_cutouts_of(model, [view], settings.renderer))
 
 
 def plan_view(

@@ -1,22 +1,22 @@
 """Write walks about tables as a dataset, whole sequences or none.
 
-What a sequence was made with, and every file's size, lies beside its truth and comes last: a run
-that broke off goes on with the next sequence; other settings or a lost file make it anew.
+A sequence's record lies beside its truth and comes last: a run that broke off goes on with the next
+sequence; other settings or a lost file make it anew.
 """
 
-import json
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.errors import DataError
-from imodbatch.lab.houses.manifests import safe_name
-from imodbatch.lab.houses.processes import results
+from imodbatch.lab.disk.folders import refuse_file
+from imodbatch.lab.disk.record import Settings, Sizes, is_whole, write_record
 from imodbatch.lab.houses.sequence import frames
-from imodbatch.lab.houses.styles import STYLES
-from imodbatch.lab.tabletop.files import SCENES, TRUTH, Place, write_boxes, write_frame, write_truth
+from imodbatch.lab.houses.styles import check_split
+from imodbatch.lab.processes import results
+from imodbatch.lab.progress import Progress, silent
+from imodbatch.lab.tabletop.files import TRUTH, Place, write_boxes, write_frame, write_truth
+from imodbatch.lab.tabletop.manifest import manifest_text
 from imodbatch.lab.tabletop.walk import SWEEP_DEG, make_walk
 from imodbatch.lab.tabletop.world import CLASSES, class_symmetry, make_tabletop
 from imodbatch.tables.atomic import sweep, write_text
@@ -41,7 +41,6 @@ UW_SEQUENCES: tuple[tuple[str, int, int], ...] = (
 )
 """Kind, number and frames of the real dataset's sequences."""
 MANIFEST, DONE = "manifest.toml", "done.json"
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def write_scenes(
     seed: int = 0,
     n_worlds: int | None = None,
     n_frames: int | None = None,
-    progress: Progress = lambda _done, _total: None,
+    progress: Progress = silent,
     n_processes: int = 1,
     camera: PinholeCamera = CAMERA,
 ) -> None:
@@ -84,27 +83,25 @@ def write_scenes(
     Raises:
         DataError: no such split, too few frames, or `folder` is a file.
     """
-    if split not in STYLES:
-        raise DataError(f"No split is called {split!r}; there are {', '.join(STYLES)}.")
+    check_split(split)
     if (n_worlds is not None and n_worlds < 1) or (n_frames is not None and n_frames < 4):
         raise DataError("A dataset needs at least 1 world and 4 frames per world.")
-    if folder.exists() and not folder.is_dir():
-        raise DataError(f"{folder}: is a file, expected a folder. Name another.")
+    refuse_file(folder)
     folder = folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     sweep(folder)
     jobs = _jobs(n_worlds, n_frames)
     common = {"version": VERSION, "split": split, "seed": seed, "camera": asdict(camera)}
     total = sum(job.n_frames for job in jobs)
-    todo = [job for job in jobs if not _is_complete(folder, job, _settings(job, common))]
+    todo = [job for job in jobs if not _is_whole(folder, job, common)]
     n_done = total - sum(job.n_frames for job in todo)
     progress(n_done, total)
     calls = [(folder, job, common, camera) for job in todo]
     for n_frames_done in results(_write_sequence, calls, n_processes):
         n_done += n_frames_done
         progress(n_done, total)
-    text = _manifest_text(folder.name, split, camera, jobs)
-    write_text(folder / MANIFEST, text)
+    lengths = {job.place: job.n_frames for job in jobs}
+    write_text(folder / MANIFEST, manifest_text(folder.name, split, camera, lengths))
 
 
 def _jobs(n_worlds: int | None, n_frames: int | None) -> list[_Job]:
@@ -124,9 +121,9 @@ def _jobs(n_worlds: int | None, n_frames: int | None) -> list[_Job]:
     ]
 
 
-def _write_sequence(root: Path, job: _Job, common: dict[str, Any], camera: PinholeCamera) -> int:
+def _write_sequence(root: Path, job: _Job, common: Settings, camera: PinholeCamera) -> int:
     """One sequence; its number of frames."""
-    (root / TRUTH / job.place.path / DONE).unlink(missing_ok=True)
+    _record(root, job).unlink(missing_ok=True)
     house = make_tabletop(common["split"], job.index, common["seed"])
     walk = make_walk(house, job.place.kind, job.n_frames)
     seen_by_frame = []
@@ -136,26 +133,23 @@ def _write_sequence(root: Path, job: _Job, common: dict[str, Any], camera: Pinho
     write_boxes(root / job.place.boxes_file, seen_by_frame)
     classes = {name: class_symmetry(name) for name in CLASSES}
     write_truth(root, job.place, house, camera, walk, seen_by_frame, classes)
-    done = {"settings": _settings(job, common), "bytes": _sizes(root, job)}
-    text = json.dumps(done, indent=1) + "\n"
-    write_text(root / TRUTH / job.place.path / DONE, text)
+    write_record(_record(root, job), _settings(job, common), _sizes(root, job))
     return job.n_frames
 
 
-def _settings(job: _Job, common: dict[str, Any]) -> dict[str, Any]:
+def _record(root: Path, job: _Job) -> Path:
+    return root / TRUTH / job.place.path / DONE
+
+
+def _is_whole(root: Path, job: _Job, common: Settings) -> bool:
+    return is_whole(_record(root, job), _settings(job, common), _sizes(root, job))
+
+
+def _settings(job: _Job, common: Settings) -> Settings:
     return {**common, "index": job.index, "n_frames": job.n_frames}
 
 
-def _is_complete(root: Path, job: _Job, settings: dict[str, Any]) -> bool:
-    """Whether what was made with these settings lies there with every file in its full length."""
-    try:
-        done = json.loads((root / TRUTH / job.place.path / DONE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return bool(done == {"settings": settings, "bytes": _sizes(root, job)})
-
-
-def _sizes(root: Path, job: _Job) -> dict[str, int]:
+def _sizes(root: Path, job: _Job) -> Sizes:
     """Every file's length in bytes, by path below the root."""
     truth = root / TRUTH / job.place.path
     numbered = [
@@ -166,54 +160,3 @@ def _sizes(root: Path, job: _Job) -> dict[str, int]:
     paths = [root / name for name in (*numbered, job.place.boxes_file)]
     paths += [path for path in sorted(truth.glob("*")) if path.name != DONE]
     return {p.relative_to(root).as_posix(): p.stat().st_size for p in paths if p.is_file()}
-
-
-_TEXT = """\
-# Written by `imodbatch simulate --layout rgbd_scenes_v1` with the data; to change it, copy it
-# elsewhere and set root. The layout holds no poses: the pipeline estimates them.
-name = "{name}"
-description = \"\"\"Simulated tables and desks, {split} split: a hand-held RGB-D camera; bowls, \\
-caps, cereal boxes, coffee mugs and soda cans among other things.\"\"\"
-adapter = "rgbd_scenes_v1"
-root = "{scenes}"
-classes = [{classes}]
-
-[camera]
-color = {{ {camera} }}
-
-[world]
-up = "estimate"
-
-[reference]                      # judges the poses, and is used for nothing else
-format = "uw"
-path = "../{truth}/{{sequence}}/poses.pose"
-up = "+z"
-
-[annotations]
-format = "uw_mat"
-path = "{{sequence}}.mat"
-"""
-_SEQUENCE = """
-[[sequences]]
-id = "{sequence_id}"
-path = "{path}"
-n_frames = {n_frames}
-"""
-
-
-def _manifest_text(folder_name: str, split: str, camera: PinholeCamera, jobs: list[_Job]) -> str:
-    """The manifest that lies beside the data."""
-    head = _TEXT.format(
-        name=safe_name(folder_name),
-        split=split,
-        scenes=SCENES,
-        truth=TRUTH,
-        classes=", ".join(f'"{name}"' for name in CLASSES),
-        camera=", ".join(f"{field} = {value}" for field, value in asdict(camera).items()),
-    )
-    return head + "".join(
-        _SEQUENCE.format(
-            n_frames=job.n_frames, sequence_id=job.place.sequence_id, path=job.place.path
-        )
-        for job in jobs
-    )

@@ -14,14 +14,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from scipy.io import savemat
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import quaternion_from_matrix
 from imodbatch.core.symmetry import Symmetry
-from imodbatch.lab.analytic.sensor import to_millimetres
-from imodbatch.lab.houses.files import write_annotations
+from imodbatch.lab.disk.images import write_depth, write_image
+from imodbatch.lab.houses.files import true_place, write_annotations
 from imodbatch.lab.houses.sequence import LEAST_SIDE_PX, LEAST_VISIBLE, HouseFrame, SeenTarget
 from imodbatch.lab.houses.world import House
 from imodbatch.tables.atomic import replacing, write_text
@@ -64,12 +63,8 @@ class Place:
 
 def write_frame(root: Path, place: Place, frame_index: int, frame: HouseFrame) -> None:
     """Colour, and measured depth in millimetres."""
-    color, depth = root / place.color_file(frame_index), root / place.depth_file(frame_index)
-    color.parent.mkdir(parents=True, exist_ok=True)
-    millimetres = to_millimetres(frame.measured_depth_m.astype(np.float64))
-    for path, pixels in ((color, frame.color), (depth, millimetres)):
-        with replacing(path) as file:
-            Image.fromarray(pixels).save(file, "PNG", compress_level=3)
+    write_image(root / place.color_file(frame_index), frame.color, compress_level=3)
+    write_depth(root / place.depth_file(frame_index), frame.measured_depth_m, compress_level=3)
 
 
 def write_boxes(path: Path, seen_by_frame: Sequence[Sequence[SeenTarget]]) -> None:
@@ -125,15 +120,7 @@ def write_truth(
         seen_by_frame,
         lambda frame_index: up + place.color_file(frame_index),
     )
-    objects = [
-        {
-            "instance": target.instance_id,
-            "class": target.model.name,
-            "xyz_world_m": [round(float(v), 6) for v in target.middle_world],
-            "yaw_deg": round(float(np.rad2deg(target.yaw_rad)), 6),
-        }
-        for target in house.targets
-    ]
+    objects = [true_place(target) for target in house.targets]
     write_text(folder / "objects.json", json.dumps(objects, indent=1) + "\n")
 
 

@@ -10,8 +10,9 @@ from imodbatch.core.viewpoint import ViewGrid, view_angles
 from imodbatch.lab.mesh import ObjectModel, TexturedMesh
 from imodbatch.lab.pictures.cutouts import crop_to_object, load_cutouts
 from imodbatch.lab.pictures.sources import grid_of, parse_symmetries
-from imodbatch.lab.pictures.views import ViewSettings, prepare_views, render_cutout, view_digest
+from imodbatch.lab.pictures.views import ViewSettings, plan_view, prepare_views, view_digest
 from imodbatch.lab.render.raycast import viewpoint_transform
+from imodbatch.lab.scene import render_views
 
 SIDES = {"red": (220, 20, 20), "green": (20, 220, 20), "blue": (20, 20, 220), "grey": (90, 90, 90)}
 SMALL = ViewSettings(grid=ViewGrid(4, (0.2, 0.9)), n_variants=3, size_px=48)
@@ -42,8 +43,13 @@ def painted_box(name="box"):
     return ObjectModel(name, mesh)
 
 
-def mean_color(cutout):
-    rgba = cutout.rgba.reshape(-1, 4)
+def picture_of(model, settings, *view):
+    """RGBA of an elevation bin, an azimuth bin and a variant."""
+    return next(render_views(model, [plan_view(model, settings, *view)]))
+
+
+def mean_color(rgba):
+    rgba = rgba.reshape(-1, 4)
     return rgba[rgba[:, 3] > 200][:, :3].mean(axis=0)
 
 
@@ -54,7 +60,7 @@ def test_bin_b_shows_the_side_at_azimuth_b(azimuth_bin):
     grid = ViewGrid(4, (0.05,))
     for variant in range(3):
         settings = replace(SMALL, grid=replace(grid, n_azimuths=16))
-        color = mean_color(render_cutout(painted_box(), settings, 0, 4 * azimuth_bin, variant))
+        color = mean_color(picture_of(painted_box(), settings, 0, 4 * azimuth_bin, variant))
         found = "grey" if np.ptp(color) < 40 else ["red", "green", "blue"][int(color.argmax())]
         assert found == expected
 
@@ -62,7 +68,7 @@ def test_bin_b_shows_the_side_at_azimuth_b(azimuth_bin):
 def test_azimuth_grows_counter_clockwise_as_in_core():
     """A little beyond the front, towards +y, the green side comes in from the right."""
     settings = replace(SMALL, grid=ViewGrid(16, (0.05,)), size_px=96)
-    rgba = render_cutout(painted_box(), settings, 0, 2, 0).rgba.astype(int)
+    rgba = picture_of(painted_box(), settings, 0, 2, 0).astype(int)
     solid = rgba[..., 3] > 200
     columns = np.nonzero(solid & (rgba[..., 1] > rgba[..., 0] + 30))[1]
     reds = np.nonzero(solid & (rgba[..., 0] > rgba[..., 1] + 30))[1]

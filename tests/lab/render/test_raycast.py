@@ -124,7 +124,6 @@ def test_visibility_of_a_half_hidden_and_of_a_cut_instance():
     assert view.instance_id == 3
     assert view.visible_fraction == pytest.approx(0.5, abs=0.03)
     assert view.outline_box_px == (70, 50, 90, 70)
-    assert view.visible_box_px == (70, 50, 80, 70)
     assert not view.is_cut
     assert view.inside_fraction == 1
     # The image's right border lies at x = 1.6 m.
@@ -143,7 +142,6 @@ def test_visibility_of_a_half_hidden_and_of_a_cut_instance():
 def test_a_hidden_instance_keeps_its_outline():
     frame = shot([Instance(floor(0.2), np.eye(4), 0), Instance(floor(1, z=0.5), np.eye(4))])
     assert frame.views[0].n_visible_px == 0
-    assert frame.views[0].visible_box_px is None
     assert frame.views[0].outline_box_px == (70, 50, 90, 70)
 
 

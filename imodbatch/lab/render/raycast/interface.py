@@ -200,7 +200,6 @@ class InstanceView:
             alone; 0 if there are none.
         inside_fraction: share of its whole outline that lies within the image.
         is_cut: whether its outline, standing alone, goes over the border of the image.
-        visible_box_px: around the pixels that show it.
         outline_box_px: around the pixels that would show it if it stood alone, within the image.
     """
 
@@ -209,7 +208,6 @@ class InstanceView:
     visible_fraction: float
     inside_fraction: float
     is_cut: bool
-    visible_box_px: tuple[float, float, float, float] | None
     outline_box_px: tuple[float, float, float, float] | None
 
 

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.frames import apply, invert
+from imodbatch.lab.masks import bounds_of
 from imodbatch.lab.render.raycast.geometry import caster_of
 from imodbatch.lab.render.raycast.interface import Instance, InstanceView
 
@@ -35,12 +36,12 @@ def view_of(
     mesh_from_cam = invert(instance.world_from_mesh) @ world_from_cam
     window = _window(instance, camera, mesh_from_cam)
     if window is None:
-        return InstanceView(number, 0, 0.0, 0.0, False, None, None)
+        return InstanceView(number, 0, 0.0, 0.0, False, None)
     x0, y0, x1, y1 = window
     inner = (max(x0, 0), max(y0, 0), min(x1, camera.width_px), min(y1, camera.height_px))
     is_within = inner == window
     if inner[0] >= inner[2] or inner[1] >= inner[3]:
-        return InstanceView(number, 0, 0.0, 0.0, False, None, None)
+        return InstanceView(number, 0, 0.0, 0.0, False, None)
     alone = _outline(instance, camera, mesh_from_cam, inner, 1)
     n_alone = int(alone.sum())
     shown = instance_ids[inner[1] : inner[3], inner[0] : inner[2]] == number
@@ -63,7 +64,6 @@ def view_of(
         fraction,
         inside_fraction if n_alone else 0.0,
         is_cut,
-        _box(shown, inner),
         _box(alone, inner),
     )
 
@@ -107,12 +107,8 @@ def _outline(
 
 def _box(mask: NDArray[np.bool_], window: tuple[int, int, int, int]) -> Box | None:
     """The box around the pixels of a mask that lies at a window's top-left corner."""
-    columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
-    if not columns.size:
+    bounds = bounds_of(mask)
+    if bounds is None:
         return None
-    return (
-        float(window[0] + columns[0]),
-        float(window[1] + rows[0]),
-        float(window[0] + columns[-1] + 1),
-        float(window[1] + rows[-1] + 1),
-    )
+    (left, top, right, bottom), (x, y, _, _) = bounds, window
+    return float(x + left), float(y + top), float(x + right), float(y + bottom)

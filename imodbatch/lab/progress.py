@@ -1,11 +1,18 @@
-"""The progress bar of a command."""
+"""How far a long piece of work is: told as what is done and what there is."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+Progress = Callable[[int, int], None]
+"""Called with what is done and what there is."""
+
+
+def silent(_n_done: int, _n_total: int) -> None:
+    """Show nothing."""
+
 
 @contextmanager
-def bar(name: str) -> Iterator[Callable[[int, int], None]]:
+def bar(name: str) -> Iterator[Progress]:
     """A progress bar on stderr, moved by calling with what is done and what there is."""
     from tqdm import tqdm
 
