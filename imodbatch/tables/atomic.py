@@ -18,8 +18,13 @@ SUFFIX = ".partial"
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[BinaryIO]:
+def replacing(path: Path, sync: bool = True) -> Iterator[BinaryIO]:
     """An open binary file that takes the place of `path` when the block ends without an error.
+
+    Args:
+        path: of the file.
+        sync: wait until the disk holds it. Without, a power cut can leave it short: only for files
+            whose lengths are kept in a record that is held against them.
 
     Raises:
         OSError: the folder is not there or cannot be written.
@@ -29,17 +34,18 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
     try:
         with file:
             yield file
-            file.flush()
-            os.fsync(file.fileno())
+            if sync:
+                file.flush()
+                os.fsync(file.fileno())
         partial.replace(path)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a whole file."""
-    with replacing(path) as file:
+def write_bytes(path: Path, content: bytes, sync: bool = True) -> None:
+    """Write a whole file; `sync` as in `replacing`."""
+    with replacing(path, sync) as file:
         file.write(content)
 
 

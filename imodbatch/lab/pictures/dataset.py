@@ -1,18 +1,16 @@
 """Training pictures on disk: ``images/*.jpg``, ``annotations.json`` (COCO), ``recipe.json``.
 
-Pictures are made in chunks; a chunk's labels are written after its pictures, so a run that was
-killed goes on with the first chunk that has none, and ends with the same bytes.
+Pictures are made in chunks; a chunk's labels are written after its pictures, with every picture's
+length. So a run that was killed goes on with the chunks that have none or lack a picture, and ends
+with the same bytes.
 """
 
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +20,14 @@ import numpy as np
 from imodbatch.core.errors import ConfigError, DataError
 from imodbatch.datasets.coco import box_entry, coco_text, image_entry
 from imodbatch.lab.pictures.composition import Composer, Picture, Recipe
+from imodbatch.lab.processes import results
+from imodbatch.lab.progress import Progress, silent
 from imodbatch.tables.atomic import sweep, write_bytes, write_text
 
 VERSION = 2
 CHUNK = 50
 JPEG_QUALITY = 95
 ANNOTATIONS, RECIPE, CHUNKS = "annotations.json", "recipe.json", ".chunks"
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ def write_dataset(
     *,
     workers: int = 1,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Summary:
     """Write pictures 0 to n − 1 and their labels, except for those that are there.
 
@@ -83,36 +81,13 @@ def write_dataset(
     todo = [chunk for chunk in chunks if overwrite or _labels(folder, chunk) is None]
     n_made = sum(map(len, todo))
     done = n - n_made
-    advance = progress or (lambda _done, _total: None)
-    advance(done, n)
-    for size in _work_off(folder, recipe, todo, workers):
+    progress(done, n)
+    for size in results(_make_chunk, [(folder, recipe, chunk) for chunk in todo], workers):
         done += size
-        advance(done, n)
+        progress(done, n)
     labels = [label for chunk in chunks for label in _labels(folder, chunk) or []]
     write_text(folder / ANNOTATIONS, _coco(recipe, labels))
     return _summary(labels, n_made)
-
-
-def _work_off(folder: Path, recipe: Recipe, todo: list[range], workers: int) -> Iterator[int]:
-    """Make chunks, and say of each how many pictures it has once it is there."""
-    if workers <= 1 or len(todo) <= 1:
-        for chunk in todo:
-            yield _make_chunk(folder, recipe, chunk)
-        return
-    with _executor(min(workers, len(todo))) as executor:
-        jobs = [executor.submit(_make_chunk, folder, recipe, chunk) for chunk in todo]
-        for job in as_completed(jobs):
-            yield job.result()
-
-
-@contextmanager
-def _executor(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that drop what has not begun when something fails."""
-    executor = ProcessPoolExecutor(workers, get_context("spawn"))
-    try:
-        yield executor
-    finally:
-        executor.shutdown(cancel_futures=True)
 
 
 @cache
@@ -122,12 +97,14 @@ def _composer(recipe: Recipe) -> Composer:
 
 
 def _make_chunk(folder: Path, recipe: Recipe, chunk: range) -> int:
+    """A chunk's pictures, then its labels; how many pictures they are."""
     composer = _composer(recipe)
     labels = []
     for index in chunk:
         picture = composer.compose(index)
-        _write_jpeg(folder / image_file(index), picture.image)
-        labels.append(_label(index, picture))
+        jpeg = _jpeg(picture.image)
+        write_bytes(folder / image_file(index), jpeg, sync=False)
+        labels.append({**_label(index, picture), "bytes": len(jpeg)})
     write_text(_chunk_file(folder, chunk), json.dumps(labels) + "\n")
     return len(chunk)
 
@@ -137,10 +114,9 @@ def image_file(index: int) -> str:
     return f"images/{index:06d}.jpg"
 
 
-def _write_jpeg(path: Path, image: Any) -> None:
+def _jpeg(image: Any) -> bytes:
     bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
-    coded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
-    write_bytes(path, coded.tobytes())
+    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
 
 
 def _label(index: int, picture: Picture) -> dict[str, Any]:
@@ -195,13 +171,14 @@ def _chunk_file(folder: Path, chunk: range) -> Path:
 
 
 def _labels(folder: Path, chunk: range) -> list[dict[str, Any]] | None:
-    """A chunk's labels; None if it has to be made, or was shorter when it was."""
+    """A chunk's labels; None if it has to be made, was shorter when it was, or lacks a picture."""
     try:
         labels: list[dict[str, Any]] = json.loads(_chunk_file(folder, chunk).read_text("utf-8"))
-    except (OSError, ValueError):
+        wanted = {image_file(label["index"]): label["bytes"] for label in labels[: len(chunk)]}
+        found = {name: (folder / name).stat().st_size for name in map(image_file, chunk)}
+    except (OSError, ValueError, KeyError, TypeError):
         return None
-    whole = len(labels) >= len(chunk) and all((folder / image_file(i)).is_file() for i in chunk)
-    return labels[: len(chunk)] if whole else None
+    return labels[: len(chunk)] if found == wanted else None
 
 
 def _check_recipe(folder: Path, recipe: Recipe, overwrite: bool) -> None:

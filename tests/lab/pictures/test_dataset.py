@@ -64,20 +64,20 @@ def test_coco_says_what_compose_says(recipe, whole):
 
 
 def test_killed_and_resumed_it_ends_with_the_same_bytes(recipe, whole, tmp_path, monkeypatch):
-    real, made = dataset._write_jpeg, []
+    real, made = dataset.write_bytes, []
 
-    def killed(path, image):
+    def killed(path, content, sync):
         made.append(path)
         if len(made) > 7:
             path.with_name(f".{path.name}.partial").write_bytes(b"half")
             raise KeyboardInterrupt
-        real(path, image)
+        real(path, content, sync)
 
-    monkeypatch.setattr(dataset, "_write_jpeg", killed)
+    monkeypatch.setattr(dataset, "write_bytes", killed)
     with pytest.raises(KeyboardInterrupt):
         write_dataset(tmp_path, recipe, 12)
     assert not (tmp_path / "annotations.json").exists()
-    monkeypatch.setattr(dataset, "_write_jpeg", real)
+    monkeypatch.setattr(dataset, "write_bytes", real)
     calls = []
     summary = write_dataset(tmp_path, recipe, 12, progress=lambda *n: calls.append(n))
     assert calls == [(5, 12), (10, 12), (12, 12)]
@@ -97,9 +97,14 @@ def test_more_pictures_add_to_those_there(recipe, whole, tmp_path):
     assert contents(tmp_path) == contents(whole[0])
 
 
-def test_a_missing_picture_is_made_again(recipe, whole, tmp_path):
+@pytest.mark.parametrize("harm", ["lost", "cut short"])
+def test_a_damaged_picture_is_made_again(recipe, whole, tmp_path, harm):
     write_dataset(tmp_path, recipe, 12)
-    (tmp_path / "images" / "000006.jpg").unlink()
+    picture = tmp_path / "images" / "000006.jpg"
+    if harm == "lost":
+        picture.unlink()
+    else:
+        picture.write_bytes(picture.read_bytes()[:-1])
     assert write_dataset(tmp_path, recipe, 12).n_made == 5
     assert contents(tmp_path) == contents(whole[0])
 
