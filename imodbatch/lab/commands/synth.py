@@ -163,6 +163,7 @@ def synth(
       imodbatch synth data/synth --models MY_MODELS --workers 2
     """  # noqa: D301 (click wants the character, not a backslash)
     from imodbatch.core.errors import ConfigError
+    from imodbatch.lab.commands import options
     from imodbatch.lab.pictures import Recipe, ViewSettings, sources, write_dataset
     from imodbatch.lab.pictures.backgrounds import list_backgrounds
     from imodbatch.lab.pictures.sources import DISTRACTOR_NAME
@@ -180,9 +181,9 @@ def synth(
         )
     if backgrounds is not None and n_rooms is not None:
         raise ConfigError("Name one of --backgrounds and --rooms, not both.")
-    grid = sources.grid_of(azimuths, elevations)
-    how = sources.compose_settings(size, scale, per_picture)
-    symmetry = sources.parse_symmetries(symmetries)
+    grid = options.grid_of(azimuths, elevations)
+    how = options.compose_settings(size, scale, per_picture)
+    symmetry = options.parse_symmetries(symmetries)
     pictures = [] if backgrounds is None else list_backgrounds(backgrounds)
     rooms_cache = sources.rooms_cache(cache)
     cache = cache or sources.default_cache()

@@ -7,9 +7,9 @@ import pytest
 
 from imodbatch.core.errors import ConfigError, DataError
 from imodbatch.core.viewpoint import ViewGrid, view_angles
+from imodbatch.lab.commands.options import grid_of, parse_symmetries
 from imodbatch.lab.mesh import ObjectModel, TexturedMesh
 from imodbatch.lab.pictures.cutouts import crop_to_object, load_cutouts
-from imodbatch.lab.pictures.sources import grid_of, parse_symmetries
 from imodbatch.lab.pictures.views import ViewSettings, plan_view, prepare_views, view_digest
 from imodbatch.lab.render.raycast import viewpoint_transform
 from imodbatch.lab.scene import render_views
