@@ -8,7 +8,7 @@ from scene import CAMERA, GRID, make_scene
 from imodbatch.core.frames import quaternion_from_matrix
 from imodbatch.fusion import lift
 from imodbatch.lab.analytic.catalogue import CLASSES
-from imodbatch.scoring.refusion import Evidence
+from imodbatch.scoring.rescoring import Evidence
 from imodbatch.settings.config import LiftConfig, Pipeline, ViewpointConfig
 from imodbatch.tables.parquet import from_columns, from_rows
 from imodbatch.tables.schemas import ANNOTATIONS, DETECTIONS, FRAMES, POSES

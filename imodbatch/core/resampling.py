@@ -14,24 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.precision import ap_voc07_11pt
-from imodbatch.core.scoring import AveragePrecision, mean_over_classes
+from imodbatch.core.scoring import AveragePrecision, ScoredBoxes, mean_over_classes
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class RankedBoxes:
-    """The D boxes of one class under one method in all sequences, best first, none ignored.
-
-    Attributes:
-        is_hit: (D,) whether the box found an annotation.
-        sequence: (D,) ordinal of its sequence.
-    """
-
-    is_hit: Bools
-    sequence: Ints
 
 
 @dataclass(frozen=True)
@@ -50,7 +36,7 @@ def draw_sequences(n_sequences: int, n_resamples: int, seed: int = 0) -> Ints:
 
 
 def pooled_ap(
-    boxes: RankedBoxes,
+    boxes: ScoredBoxes,
     n_annotations: Ints,
     times: Ints,
     average_precision: AveragePrecision = ap_voc07_11pt,
@@ -58,7 +44,7 @@ def pooled_ap(
     """AP of one class over the sequences drawn.
 
     Args:
-        boxes: ranked over all sequences; the copies of a box stand one after another.
+        boxes: of the class, ranked over all sequences; the copies of a box stand one after another.
         n_annotations: (S,) annotations of the class that count, per sequence.
         times: (S,) how often each sequence is drawn.
         average_precision: ranked hits and annotations → AP.
@@ -72,7 +58,7 @@ def pooled_ap(
 
 
 def mean_aps(
-    methods: Sequence[Sequence[RankedBoxes]],
+    methods: Sequence[Sequence[ScoredBoxes]],
     n_annotations: Ints,
     draws: Ints,
     average_precision: AveragePrecision = ap_voc07_11pt,

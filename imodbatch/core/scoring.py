@@ -40,6 +40,48 @@ class Candidates:
     boxes: Array
 
 
+@dataclass(frozen=True, eq=False)
+class ScoredBoxes:
+    """D boxes of one method, each for one class and held against the truth, none of them ignored.
+
+    Attributes:
+        score: (D,) what ranks them.
+        is_hit: (D,) whether the box found an annotation.
+        class_id: (D,) below K.
+        sequence: (D,) ordinal of its sequence, below S.
+    """
+
+    score: Array
+    is_hit: Bools
+    class_id: Ints
+    sequence: Ints
+
+    @classmethod
+    def ranked(
+        cls, score: Array, outcome: NDArray[np.integer], class_id: Ints, sequence: Ints
+    ) -> "ScoredBoxes":
+        """The boxes that count, best first; equal scores keep their order.
+
+        Args:
+            score: (D,) and so the others.
+            outcome: values of `Outcome`.
+            class_id: below K.
+            sequence: ordinals.
+        """
+        order = rank(score)
+        order = order[outcome[order] != Outcome.IGNORED]
+        is_hit = outcome[order] == Outcome.TRUE_POSITIVE
+        return cls(score[order], is_hit, class_id[order], sequence[order])
+
+    def take(self, rows: Bools | Ints) -> "ScoredBoxes":
+        """Some of the boxes."""
+        return ScoredBoxes(**{name: column[rows] for name, column in vars(self).items()})
+
+    def of_class(self, class_id: int) -> "ScoredBoxes":
+        """Those of one class."""
+        return self.take(self.class_id == class_id)
+
+
 def match_all(
     candidates: Candidates, scores: Array, truth: Truth, iou_threshold: float, rule: str
 ) -> Matches:
@@ -78,27 +120,20 @@ def match_all(
     return Matches(outcome, annotation_index, iou)
 
 
-def ranked_hits(scores: Array, outcome: NDArray[np.int8]) -> tuple[Array, Bools]:
-    """Scores and hits of the candidates that count, best first; equal scores keep their order."""
-    order = rank(scores)
-    order = order[outcome[order] != Outcome.IGNORED]
-    return scores[order], outcome[order] == Outcome.TRUE_POSITIVE
-
-
 def average_precisions(
-    candidates: Candidates,
-    scores: Array,
-    outcome: NDArray[np.int8],
-    n_annotations: Ints,
-    average_precision: AveragePrecision,
+    boxes: ScoredBoxes, n_annotations: Ints, average_precision: AveragePrecision
 ) -> Array:
-    """AP per class (K,), NaN for a class without annotations."""
-    result = np.full(len(n_annotations), np.nan)
-    for k, n in enumerate(n_annotations):
-        rows = candidates.class_id == k
-        value = average_precision(ranked_hits(scores[rows], outcome[rows])[1], int(n))
-        result[k] = np.nan if value is None else value
-    return result
+    """AP per class (K,), NaN for a class without annotations.
+
+    Args:
+        boxes: best first.
+        n_annotations: (K,) that count.
+        average_precision: ranked hits and annotations → AP.
+    """
+    found = (
+        average_precision(boxes.of_class(k).is_hit, int(n)) for k, n in enumerate(n_annotations)
+    )
+    return np.array([np.nan if value is None else value for value in found], dtype=np.float64)
 
 
 def mean_over_classes(values: Array) -> float:

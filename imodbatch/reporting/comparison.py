@@ -13,10 +13,9 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from imodbatch.core.errors import ConfigError
-from imodbatch.core.matching import Outcome
 from imodbatch.core.precision import rank
-from imodbatch.core.resampling import RankedBoxes, pooled_ap
-from imodbatch.core.scoring import mean_over_classes
+from imodbatch.core.resampling import pooled_ap
+from imodbatch.core.scoring import ScoredBoxes, mean_over_classes
 from imodbatch.reporting.results import Results
 from imodbatch.reporting.run_folder import FinishedRun
 
@@ -40,7 +39,7 @@ class MethodColumn:
 
     group: str
     name: str
-    boxes: tuple[RankedBoxes, ...]
+    boxes: tuple[ScoredBoxes, ...]
     aps: NDArray[np.float64]
 
     @property
@@ -111,7 +110,7 @@ class Comparison:
         """(K,) 11-point AP of one of the runs, NaN for a class without annotations."""
         return self._aps(ranked_boxes(run.results, method, len(run.classes)))
 
-    def _aps(self, boxes: Sequence[RankedBoxes]) -> NDArray[np.float64]:
+    def _aps(self, boxes: Sequence[ScoredBoxes]) -> NDArray[np.float64]:
         once = np.ones(len(self.any_run.sequence_ids), dtype=np.int64)
         pairs = zip(boxes, self.n_annotations, strict=True)
         return np.array([pooled_ap(ranked, n, once) for ranked, n in pairs])
@@ -148,15 +147,12 @@ def compare_runs(runs: Sequence[FinishedRun]) -> Comparison:
     return Comparison(groups, without[0] if without else None)
 
 
-def ranked_boxes(results: Results, method: str, n_classes: int) -> tuple[RankedBoxes, ...]:
+def ranked_boxes(results: Results, method: str, n_classes: int) -> tuple[ScoredBoxes, ...]:
     """The boxes of each class under a method, ranked as the metrics rank them."""
     matches = results.matches(method)
-    matches = matches.take(matches.outcome != Outcome.IGNORED)
     order = rank(matches.score, matches.sequence, matches.frame, matches.detection)
-    matches = matches.take(order)
-    is_hit = matches.outcome == Outcome.TRUE_POSITIVE
-    of_class = (matches.class_id == k for k in range(n_classes))
-    return tuple(RankedBoxes(is_hit[rows], matches.sequence[rows]) for rows in of_class)
+    boxes = matches.take(order).scored()
+    return tuple(boxes.of_class(k) for k in range(n_classes))
 
 
 def _require_same_truth(first: FinishedRun, other: FinishedRun) -> None:

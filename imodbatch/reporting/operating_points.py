@@ -12,16 +12,8 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from imodbatch.core.errors import ConfigError
-from imodbatch.core.matching import Outcome
 from imodbatch.core.scoring import mean_over_classes
-from imodbatch.core.tuning import (
-    Counts,
-    ScoredBoxes,
-    counts_at,
-    leave_one_out,
-    reaches,
-    tune_thresholds,
-)
+from imodbatch.core.tuning import Counts, counts_at, leave_one_out, reaches, tune_thresholds
 from imodbatch.reporting.comparison import Comparison
 from imodbatch.reporting.names import OFFLINE, method_style
 from imodbatch.reporting.results import MatchColumns
@@ -155,13 +147,7 @@ def _column(
     background: Background,
 ) -> Table2Column:
     matches = run.results.matches(method)
-    counted = matches.take(matches.outcome != Outcome.IGNORED)
-    boxes = ScoredBoxes(
-        score=counted.score,
-        is_hit=counted.outcome == Outcome.TRUE_POSITIVE,
-        class_id=counted.class_id,
-        sequence=counted.sequence,
-    )
+    boxes = matches.scored()
     annotations = comparison.n_annotations
     points = {}
     for tuning, tune in TUNINGS.items():

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from imodbatch.core.matching import OUTCOME_NAMES, Outcome
 from imodbatch.core.precision import precision_recall, rank
+from imodbatch.core.scoring import ScoredBoxes
 from imodbatch.reporting.names import in_order
+from imodbatch.tables.columns import codes
 from imodbatch.tables.schemas import MEAN_CLASS_ID, SEVERAL_IOUS
 
 USUAL_IOU_PERCENT = 50
@@ -40,6 +42,10 @@ class MatchColumns:
     def take(self, rows: NDArray[Any]) -> "MatchColumns":
         """Some of the rows."""
         return MatchColumns(**{name: column[rows] for name, column in vars(self).items()})
+
+    def scored(self) -> ScoredBoxes:
+        """Those that count, best first; equal scores keep their order."""
+        return ScoredBoxes.ranked(self.score, self.outcome, self.class_id, self.sequence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,12 +151,12 @@ class Results:
         chosen = (pc.field("method") == method) & (pc.field("iou_percent") == self.main_iou)
         table = self.tables["matches"].filter(chosen)
         return MatchColumns(
-            sequence=_codes(table["sequence_id"], self.sequence_ids),
+            sequence=codes(table["sequence_id"], self.sequence_ids),
             frame=_integers(table["frame_index"]),
             detection=_integers(table["detection_index"]),
             class_id=_integers(table["class_id"]),
             score=table["score"].to_numpy().astype(np.float64),
-            outcome=_codes(table["outcome"], OUTCOME_NAMES),
+            outcome=codes(table["outcome"], OUTCOME_NAMES),
             annotation=_integers(pc.fill_null(table["annotation_index"], -1)),
         )
 
@@ -180,8 +186,3 @@ def curve(matches: MatchColumns, class_id: int, n_annotations: int) -> Curve:
 
 def _integers(column: pa.ChunkedArray) -> NDArray[np.int64]:
     return np.asarray(column.to_numpy(), dtype=np.int64)
-
-
-def _codes(column: pa.ChunkedArray, names: tuple[str, ...]) -> NDArray[np.int64]:
-    """Position of each string in `names`."""
-    return _integers(pc.index_in(column, value_set=pa.array(names, type=pa.string())))

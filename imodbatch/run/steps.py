@@ -23,9 +23,9 @@ from imodbatch.detection.weights import find_weights
 from imodbatch.fusion import fuse, lift
 from imodbatch.run.context import Context
 from imodbatch.run.posing import pose_files, pose_step, quality_step, reference_files
-from imodbatch.scoring import jitter, limits, score
+from imodbatch.scoring import jitter, losses, match, metrics, sweep
 from imodbatch.scoring.coco import coco_ap
-from imodbatch.scoring.refusion import Evidence
+from imodbatch.scoring.rescoring import Evidence
 from imodbatch.settings.manifest import SequenceSection
 from imodbatch.tables.columns import Progress, StageResult
 
@@ -220,7 +220,7 @@ def _match(
     context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
 ) -> StageResult:
     del sequence, progress
-    return score.match(
+    return match.run(
         tables["fused"], tables["detections"], tables["annotations"], context.pipeline.matching
     )
 
@@ -229,7 +229,7 @@ def _summarise(
     context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
 ) -> StageResult:
     del sequence, progress
-    return score.summarise(
+    return metrics.run(
         tables["frames"],
         tables["annotations"],
         tables["detections"],
@@ -256,14 +256,14 @@ def _sweep(
     context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
 ) -> StageResult:
     del sequence
-    return limits.sweep(_evidence(context, tables), progress)
+    return sweep.run(_evidence(context, tables), progress)
 
 
 def _losses(
     context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
 ) -> StageResult:
     del sequence, progress
-    return limits.losses(_evidence(context, tables), tables["poses"], context.manifest.classes)
+    return losses.run(_evidence(context, tables), tables["poses"], context.manifest.classes)
 
 
 def _jitter(

@@ -1,16 +1,16 @@
 """The background as a class of its own, counted in pixels (Konno et al. 2020, Sec. 5.2)."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from imodbatch.tables.columns import boxes_of, image_shapes
+from imodbatch.tables.columns import boxes_of, column, image_numbers, positions
+from imodbatch.tables.schemas import DETECTIONS
 
 Array = NDArray[np.float64]
-BOX_COLUMNS = ("x0_px", "y0_px", "x1_px", "y1_px")
-KEY = ("sequence_id", "frame_index", "detection_index")
 
 
 def background_per_pixel(
@@ -21,28 +21,29 @@ def background_per_pixel(
     Pixels whose centre lies in a kept box are predicted foreground, all others background; the same
     for the truth. Pixels inside ignored annotations are left out.
     """
-    boxes = kept.select(list(KEY)).join(detections.select([*KEY, *BOX_COLUMNS]), keys=list(KEY))
-    kept_of, true_of = _boxes_by_image(boxes), _boxes_by_image(annotations)
+    predicted_boxes = detections.take(positions(kept, detections, DETECTIONS.key))
     ignored = annotations.filter(annotations["is_ignored"])
-    ignored_of = _boxes_by_image(ignored)
     both, predicted, true = 0, 0, 0
-    for key, shape in image_shapes(frames):
-        counts = ~_mask(shape, ignored_of.get(key, ()))
-        is_predicted = ~_mask(shape, kept_of.get(key, ())) & counts
-        is_true = ~_mask(shape, true_of.get(key, ())) & counts
-        both += int((is_predicted & is_true).sum())
-        predicted += int(is_predicted.sum())
-        true += int(is_true.sum())
+    for height, width, *boxes in zip(
+        column(frames, "height_px"),
+        column(frames, "width_px"),
+        *(_boxes_by_image(frames, table) for table in (predicted_boxes, annotations, ignored)),
+        strict=True,
+    ):
+        is_predicted, is_true, counts = (~_mask((height, width), found) for found in boxes)
+        both += int((is_predicted & is_true & counts).sum())
+        predicted += int((is_predicted & counts).sum())
+        true += int((is_true & counts).sum())
     nan = float("nan")
     return both / predicted if predicted else nan, both / true if true else nan
 
 
-def _boxes_by_image(table: pa.Table) -> dict[tuple[str, int], list[Array]]:
-    by_image: dict[tuple[str, int], list[Array]] = {}
-    sequences, frames = table["sequence_id"].to_pylist(), table["frame_index"].to_pylist()
-    for sequence_id, frame, box in zip(sequences, frames, boxes_of(table), strict=True):
-        by_image.setdefault((sequence_id, frame), []).append(box)
-    return by_image
+def _boxes_by_image(frames: pa.Table, table: pa.Table) -> list[Array]:
+    """The boxes (n, 4) that a table has in each frame."""
+    image, boxes = image_numbers(frames, table), boxes_of(table)
+    order = np.argsort(image, kind="stable")
+    starts = np.searchsorted(image[order], np.arange(frames.num_rows + 1))
+    return [boxes[order[a:b]] for a, b in pairwise(starts)]
 
 
 def _mask(shape: tuple[int, int], boxes: Sequence[Array]) -> NDArray[np.bool_]:

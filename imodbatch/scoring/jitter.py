@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from imodbatch.core.disturbance import KINDS, Kind, carried_along, unit_noise
 from imodbatch.core.placing import place
 from imodbatch.fusion.evidence import places_of
-from imodbatch.scoring.refusion import METRIC, Evidence, Meeting, camera_centers
+from imodbatch.scoring.rescoring import METRIC, Evidence, Meeting, camera_centers
 from imodbatch.settings.config import JitterConfig
 from imodbatch.tables.columns import Progress, StageResult, column
-from imodbatch.tables.parquet import empty, from_rows
+from imodbatch.tables.parquet import from_rows
 from imodbatch.tables.schemas import JITTERS
 
 Array = NDArray[np.float64]
@@ -73,7 +73,7 @@ def run(evidence: Evidence, poses: pa.Table, progress: Progress[Any] = iter) -> 
     """
     config = evidence.pipeline.jitter
     if not levels(config):
-        return StageResult({"jitters": empty(JITTERS)}, "no disturbance of poses asked")
+        return StageResult({"jitters": from_rows(JITTERS, [])}, "no disturbance of poses asked")
     disturbed = Disturbed(evidence, camera_centers(evidence.frames, poses))
     values: dict[tuple[str, Kind, Level], list[float | None]] = {}
     for kind, level, repeat in progress(list(_trials(config))):

@@ -1,6 +1,6 @@
 """What every stage returns, and how it says in one line what became of its rows."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -9,9 +9,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from imodbatch.core.errors import TableError
 from imodbatch.core.frames import make_transform, matrix_from_quaternion, quaternion_from_matrix
 from imodbatch.core.scoring import Truth
 from imodbatch.core.trajectory import LOST
+from imodbatch.tables.schemas import FRAMES
 
 T = TypeVar("T")
 Progress = Callable[[Iterable[T]], Iterable[T]]
@@ -39,6 +41,12 @@ def tally(total: int, noun: str, parts: Mapping[str, int]) -> str:
 def column(table: pa.Table, name: str) -> NDArray[Any]:
     """A column as a numpy array; null numbers become NaN."""
     return np.asarray(table[name].to_numpy(zero_copy_only=False))
+
+
+def codes(strings: pa.ChunkedArray, names: Sequence[str] | pa.Array) -> NDArray[np.int64]:
+    """Position (n,) of each string in `names`."""
+    found = pc.index_in(strings, value_set=pa.array(names, pa.string()))
+    return np.asarray(found.to_numpy(zero_copy_only=False), dtype=np.int64)
 
 
 def boxes_of(table: pa.Table) -> NDArray[np.float64]:
@@ -98,17 +106,22 @@ def truth_of(annotations: pa.Table, image: NDArray[np.int64]) -> Truth:
     )
 
 
-def image_shapes(frames: pa.Table) -> Iterator[tuple[tuple[str, int], tuple[int, int]]]:
-    """(sequence_id, frame_index) and (height, width) of every frame."""
-    names = ("sequence_id", "frame_index", "height_px", "width_px")
-    for sequence_id, frame, height, width in zip(
-        *(frames[name].to_pylist() for name in names), strict=True
-    ):
-        yield (sequence_id, frame), (height, width)
+def positions(table: pa.Table, among: pa.Table, key: Sequence[str]) -> NDArray[np.int64]:
+    """Where (n,) the key of each row of a table stands in another one, which holds it once.
+
+    Raises:
+        TableError: a row's key is not there.
+    """
+    keys = list(key)
+    asked = table.select(keys).append_column("row", pa.array(np.arange(table.num_rows)))
+    there = among.select(keys).append_column("position", pa.array(np.arange(among.num_rows)))
+    found = asked.join(there, keys=keys, join_type="inner").sort_by("row")
+    if found.num_rows != table.num_rows:
+        n_lost = table.num_rows - found.num_rows
+        raise TableError(f"{n_lost} rows have a {', '.join(keys)} that the other table lacks.")
+    return column(found, "position").astype(np.int64)
 
 
 def image_numbers(frames: pa.Table, table: pa.Table) -> NDArray[np.int64]:
     """Number (n,) of each row's image: its position among the run's frames."""
-    number = {key: i for i, (key, _) in enumerate(image_shapes(frames))}
-    keys = zip(table["sequence_id"].to_pylist(), table["frame_index"].to_pylist(), strict=True)
-    return np.array([number[key] for key in keys], dtype=np.int64)
+    return positions(table, frames, FRAMES.key)

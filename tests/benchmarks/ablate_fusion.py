@@ -16,8 +16,8 @@ from imodbatch.core.fusion import fuse
 from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.fusion.evidence import sightings_of
 from imodbatch.reporting.run_folder import open_run
-from imodbatch.scoring.limits import best_boxes, oracle_voxels
-from imodbatch.scoring.refusion import Evidence
+from imodbatch.scoring.losses import best_boxes, oracle_voxels
+from imodbatch.scoring.rescoring import Evidence
 from imodbatch.settings.config import Pipeline, load_pipeline
 from imodbatch.tables.parquet import read_table, table_path
 from imodbatch.tables.schemas import TABLES

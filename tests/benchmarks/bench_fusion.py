@@ -10,7 +10,7 @@ import numpy as np
 
 from imodbatch.core.fusion import Sightings, fuse, marginal
 from imodbatch.core.precision import ap_voc07_11pt
-from imodbatch.core.scoring import Candidates, Truth, average_precisions, match_all
+from imodbatch.core.scoring import Candidates, ScoredBoxes, Truth, average_precisions, match_all
 from imodbatch.scoring.coco import coco_ap
 
 
@@ -76,7 +76,8 @@ def main() -> None:
     def own() -> object:
         found = match_all(candidates, scores, truth, 0.5, "voc")
         counted = truth.counted(n_classes)
-        return average_precisions(candidates, scores, found.outcome, counted, ap_voc07_11pt)
+        boxes = ScoredBoxes.ranked(scores, found.outcome, candidates.class_id, candidates.image)
+        return average_precisions(boxes, counted, ap_voc07_11pt)
 
     def library() -> object:
         return coco_ap(candidates, scores, truth, n_classes)

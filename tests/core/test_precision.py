@@ -5,16 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imodbatch.core import precision as module
 from imodbatch.core.matching import Outcome, match_image
-from imodbatch.core.precision import (
-    ap_area,
-    ap_voc07_11pt,
-    best_f1,
-    precision_recall,
-    rank,
-    threshold_sweep,
-)
+from imodbatch.core.precision import ap_area, ap_voc07_11pt, precision_recall, rank
 
 
 def frozen(values, dtype=np.float64):
@@ -143,105 +135,3 @@ def test_ap_does_not_change_under_strictly_increasing_score_maps(hundredths, nam
     mapped = STRICTLY_INCREASING[name](scores)
     assert len(np.unique(mapped)) == len(np.unique(scores))
     assert average_precisions(mapped) == average_precisions(scores)
-
-
-def plain_sweep(scores, flags, n_annotations, thresholds):
-    rows = []
-    for threshold in thresholds:
-        kept = [flag for score, flag in zip(scores, flags, strict=True) if score >= threshold]
-        precision = sum(kept) / len(kept) if kept else np.nan
-        recall = sum(kept) / n_annotations
-        f1 = 2 * precision * recall / (precision + recall) if sum(kept) else 0.0
-        rows.append((precision, recall, f1))
-    return np.array(rows).T
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "first", "last"),
-    [(0.0, 0.99, 0, 100), (0.2, 7.3, 0, 731), (-2.5, 1.5, -250, 151), (-0.9, -0.1, -90, -9)],
-)
-def test_sweep_agrees_with_a_plain_loop(low, high, first, last):
-    rng = np.random.default_rng(5)
-    scores = frozen([low, high, *np.round(rng.uniform(low, high, 58), 2)])
-    flags = frozen(rng.random(60) < 0.4, dtype=bool)
-    sweep = threshold_sweep(scores, flags, 50, 0.01)
-    np.testing.assert_array_equal(sweep.thresholds, np.arange(first, last + 1) * 0.01)
-    precision, recall, f1 = plain_sweep(scores, flags, 50, sweep.thresholds)
-    np.testing.assert_allclose(sweep.precision, precision)
-    np.testing.assert_allclose(sweep.recall, recall)
-    np.testing.assert_allclose(sweep.f1, f1)
-    # The first threshold keeps all, the last none, the one before it something.
-    assert sweep.recall[0] == flags.sum() / 50
-    assert np.isnan(sweep.precision[-1])
-    assert not np.isnan(sweep.precision[-2])
-
-
-@given(st.integers(-300, 3000), st.sampled_from([0.01, 0.05, 0.1, 0.3]))
-def test_a_score_on_a_threshold_is_kept_and_the_next_threshold_ends_the_sweep(k, step):
-    score = k * step  # the quotient by the step often falls short of k
-    sweep = threshold_sweep(frozen([score]), hits("+"), 1, step)
-    assert sweep.thresholds[-2:].tolist() == [k * step, (k + 1) * step]
-    assert sweep.recall[-2:].tolist() == [1.0, 0.0]
-
-
-@given(st.integers(-300, 3000), st.sampled_from([0.01, 0.05, 0.1, 0.3]))
-def test_a_score_just_below_a_threshold_is_lost_there_and_the_sweep_ends(k, step):
-    score = np.nextafter(k * step, -np.inf)  # the quotient by the step often rounds up to k
-    sweep = threshold_sweep(frozen([score]), hits("+"), 1, step)
-    assert sweep.thresholds[-1] == k * step
-    assert sweep.recall[-2:].tolist() == [1.0, 0.0]
-
-
-def test_sweep_takes_few_thresholds_where_steps_would_be_too_many(monkeypatch):
-    rng = np.random.default_rng(6)
-    scores, flags = frozen(rng.uniform(-3, 9, 40)), frozen(rng.random(40) < 0.5, dtype=bool)
-    dense = threshold_sweep(scores, flags, 30, 0.01)
-    monkeypatch.setattr(module, "MAX_THRESHOLDS", 100)
-    sparse = threshold_sweep(scores, flags, 30, 0.01)
-    assert len(sparse.thresholds) <= 41
-    assert len(dense.thresholds) > 1000
-    # Each dense threshold has the quality of the sparse one at or before it.
-    at_or_before = np.searchsorted(sparse.thresholds, dense.thresholds, side="right") - 1
-    for name in ("precision", "recall", "f1"):
-        np.testing.assert_array_equal(
-            getattr(sparse, name)[at_or_before], getattr(dense, name), err_msg=name
-        )
-    assert sparse.thresholds[best_f1(sparse)] == dense.thresholds[best_f1(dense)]
-
-
-def test_sweep_of_huge_scores_is_small():
-    sweep = threshold_sweep(frozen([1e9, 0.5]), hits("+-"), 1, 0.01)
-    assert len(sweep.thresholds) == 3
-    assert sweep.recall.tolist() == [1, 1, 0]
-    np.testing.assert_allclose(sweep.thresholds, [0, 0.51, 1e9 + 0.01], rtol=1e-15)
-
-
-def test_sweep_without_detections_or_annotations():
-    nothing = threshold_sweep(frozen([]), hits(""), 3, 0.01)
-    assert nothing.thresholds.tolist() == [0.0]
-    assert np.isnan(nothing.precision).all()
-    assert nothing.recall.tolist() == nothing.f1.tolist() == [0.0]
-    needless = threshold_sweep(frozen([0.5]), hits("-"), 0, 0.5)
-    np.testing.assert_array_equal(needless.precision, [0, 0, np.nan])
-    assert np.isnan(needless.recall).all()
-    assert needless.f1.tolist() == [0, 0, 0]
-
-
-def test_best_f1_takes_the_lowest_threshold_among_equals():
-    # F1 is 2/3 for thresholds up to 0.2 (one of two right, one annotation), 1 from 0.3 to 0.8.
-    sweep = threshold_sweep(frozen([0.8, 0.25]), hits("+-"), 1, 0.1)
-    best = best_f1(sweep)
-    assert sweep.f1[best] == 1.0
-    assert sweep.thresholds[best] == pytest.approx(0.3)
-    assert (sweep.f1 == 1.0).sum() == 6
-
-
-def test_wrong_sweeps_are_errors():
-    for step in (0.0, -0.1, np.nan):
-        with pytest.raises(ValueError, match="step: expected a positive number"):
-            threshold_sweep(frozen([0.5]), hits("+"), 1, step)
-    for score in (np.nan, np.inf, 1e300):
-        with pytest.raises(ValueError, match="expected finite values"):
-            threshold_sweep(frozen([0.5, score]), hits("+-"), 1, 0.01)
-    with pytest.raises(ValueError, match="one flag per score, found 1 for 2"):
-        threshold_sweep(frozen([0.5, 0.6]), hits("+"), 1, 0.01)

@@ -8,19 +8,25 @@ import pytest
 from imodbatch.core.precision import ap_area, ap_voc07_11pt
 from imodbatch.core.resampling import (
     Interval,
-    RankedBoxes,
     draw_sequences,
     mean_aps,
     percentile_interval,
     pooled_ap,
 )
+from imodbatch.core.scoring import ScoredBoxes
 
 
 def ranked(hits, sequence):
-    boxes = RankedBoxes(np.array(hits, dtype=bool), np.array(sequence, dtype=np.int64))
-    boxes.is_hit.setflags(write=False)
-    boxes.sequence.setflags(write=False)
-    return boxes
+    n = len(hits)
+    columns = {
+        "score": np.linspace(1, 0, n),
+        "is_hit": np.array(hits, dtype=bool),
+        "class_id": np.zeros(n, dtype=np.int64),
+        "sequence": np.array(sequence, dtype=np.int64),
+    }
+    for column in columns.values():
+        column.setflags(write=False)
+    return ScoredBoxes(**columns)
 
 
 def test_each_draw_takes_as_many_sequences_as_there_are():

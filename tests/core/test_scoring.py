@@ -9,11 +9,11 @@ from imodbatch.core.matching import Outcome, match_image
 from imodbatch.core.precision import ap_area
 from imodbatch.core.scoring import (
     Candidates,
+    ScoredBoxes,
     Truth,
     average_precisions,
     match_all,
     mean_over_classes,
-    ranked_hits,
 )
 
 FP, TP, IGNORED = (int(o) for o in Outcome)
@@ -124,30 +124,34 @@ def test_counted_leaves_out_what_is_ignored():
     np.testing.assert_array_equal(truth.counted(4), [2, 0, 2, 0])
 
 
-def test_ranked_hits():
+def ranked(scores, outcome, class_id):
+    return ScoredBoxes.ranked(scores, outcome, class_id, frozen(np.zeros(len(scores)), np.int64))
+
+
+def test_boxes_are_ranked_without_those_ignored():
     scores = frozen([0.2, 0.9, 0.5, 0.9, 0.5])
     outcome = frozen([TP, FP, IGNORED, TP, TP], np.int8)
-    ranked, hits = ranked_hits(scores, outcome)
-    np.testing.assert_array_equal(ranked, [0.9, 0.9, 0.5, 0.2])
-    np.testing.assert_array_equal(hits, [False, True, True, True])
+    boxes = ScoredBoxes.ranked(scores, outcome, frozen([5, 6, 7, 8, 9], int), frozen(range(5), int))
+    np.testing.assert_array_equal(boxes.score, [0.9, 0.9, 0.5, 0.2])
+    np.testing.assert_array_equal(boxes.is_hit, [False, True, True, True])
+    np.testing.assert_array_equal(boxes.class_id, [6, 8, 9, 5])
+    np.testing.assert_array_equal(boxes.sequence, [1, 3, 4, 0])
+    assert boxes.of_class(8).sequence.tolist() == [3]
 
 
 def test_average_precisions_by_hand():
     candidates, scores, truth = small_case()
     outcome = match_all(candidates, scores, truth, 0.5, "voc").outcome
     # class 0, best first: TP .9, (ignored .8), FP .7, FP .6, TP .5 of 2; class 1: TP of 1
-    found = average_precisions(candidates, scores, outcome, truth.counted(3), ap_area)
+    boxes = ranked(scores, outcome, candidates.class_id)
+    found = average_precisions(boxes, truth.counted(3), ap_area)
     np.testing.assert_allclose(found, [0.5 * 1 + 0.5 * 2 / 4, 1.0, np.nan])
     assert mean_over_classes(found) == pytest.approx((0.75 + 1) / 2)
 
 
 def test_a_class_without_annotations_has_no_value_though_it_has_boxes():
-    candidates = Candidates(
-        frozen([0, 0], np.int64), frozen([1, 1], np.int64), frozen([[0, 0, 5, 5]] * 2)
-    )
-    outcome = frozen([FP, FP], np.int8)
-    counts = frozen([3, 0], np.int64)
-    found = average_precisions(candidates, frozen([0.9, 0.8]), outcome, counts, ap_area)
+    boxes = ranked(frozen([0.9, 0.8]), frozen([FP, FP], np.int8), frozen([1, 1], np.int64))
+    found = average_precisions(boxes, frozen([3, 0], np.int64), ap_area)
     np.testing.assert_array_equal(found, [0.0, np.nan])  # none found; none to be found
     assert mean_over_classes(found) == 0.0
 

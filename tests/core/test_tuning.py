@@ -5,12 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from imodbatch.core import tuning
+from imodbatch.core.scoring import ScoredBoxes
 from imodbatch.core.tuning import (
-    ScoredBoxes,
     counts_at,
+    kept_at_steps,
     leave_one_out,
     reaches,
-    tune_threshold,
+    tune,
     tune_thresholds,
 )
 
@@ -32,7 +34,14 @@ def boxes(*rows: tuple[float, bool, int, int]) -> ScoredBoxes:
 
 
 def threshold(scores: list[float], is_hit: list[bool], n_annotations: int) -> float:
-    return tune_threshold(np.array(scores), np.array(is_hit, dtype=np.bool_), n_annotations, STEP)
+    rows = [(score, hit, 0, 0) for score, hit in zip(scores, is_hit, strict=True)]
+    return float(tune(boxes(*rows), np.array([n_annotations]), STEP)[0])
+
+
+def frozen(values: object, dtype: type = np.float64) -> np.ndarray:
+    array = np.array(values, dtype=dtype)
+    array.setflags(write=False)
+    return array
 
 
 # One threshold
@@ -68,6 +77,82 @@ def test_nothing_to_be_found_has_no_threshold_but_nothing_found_has() -> None:
     assert threshold([0.9], [False], 3) == 0.0  # no F1 is better than 0
 
 
+# Where boxes are cut
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "first", "last"),
+    [(0.0, 0.99, 0, 100), (0.2, 7.3, 0, 731), (-2.5, 1.5, -250, 151), (-0.9, -0.1, -90, -9)],
+)
+def test_steps_agree_with_a_plain_loop(low: float, high: float, first: int, last: int) -> None:
+    rng = np.random.default_rng(5)
+    scores = frozen([low, high, *np.round(rng.uniform(low, high, 58), 2)])
+    is_hit = frozen(rng.random(60) < 0.4, bool)
+    thresholds, n_kept, n_hits = kept_at_steps(scores, is_hit, STEP)
+    np.testing.assert_array_equal(thresholds, np.arange(first, last + 1) * STEP)
+    assert n_kept.tolist() == [int((scores >= t).sum()) for t in thresholds]
+    assert n_hits.tolist() == [int((scores[is_hit] >= t).sum()) for t in thresholds]
+    # the first threshold keeps all, the last none, the one before it something
+    assert (n_kept[0], n_kept[-1]) == (60, 0)
+    assert n_kept[-2] > 0
+
+
+@given(st.integers(-300, 3000), st.sampled_from([0.01, 0.05, 0.1, 0.3]))
+def test_a_score_on_a_step_is_kept_there_and_the_next_one_is_the_last(k: int, step: float) -> None:
+    score = k * step  # the quotient by the step often falls short of k
+    thresholds, n_kept, _ = kept_at_steps(frozen([score]), frozen([True], bool), step)
+    assert thresholds[-2:].tolist() == [k * step, (k + 1) * step]
+    assert n_kept[-2:].tolist() == [1, 0]
+
+
+@given(st.integers(-300, 3000), st.sampled_from([0.01, 0.05, 0.1, 0.3]))
+def test_a_score_just_below_a_step_is_lost_there_and_it_is_the_last(k: int, step: float) -> None:
+    score = np.nextafter(k * step, -np.inf)  # the quotient by the step often rounds up to k
+    thresholds, n_kept, _ = kept_at_steps(frozen([score]), frozen([True], bool), step)
+    assert thresholds[-1] == k * step
+    assert n_kept[-2:].tolist() == [1, 0]
+
+
+def test_few_thresholds_are_taken_where_steps_would_be_too_many(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(6)
+    scores, is_hit = frozen(rng.uniform(-3, 9, 40)), frozen(rng.random(40) < 0.5, bool)
+    dense = kept_at_steps(scores, is_hit, STEP)
+    best = threshold(scores.tolist(), is_hit.tolist(), 30)
+    monkeypatch.setattr(tuning, "MAX_THRESHOLDS", 100)
+    sparse = kept_at_steps(scores, is_hit, STEP)
+    assert len(sparse[0]) <= 41
+    assert len(dense[0]) > 1000
+    # each dense threshold keeps what the sparse one at or before it keeps
+    at_or_before = np.searchsorted(sparse[0], dense[0], side="right") - 1
+    for few, many in zip(sparse[1:], dense[1:], strict=True):
+        np.testing.assert_array_equal(few[at_or_before], many)
+    assert threshold(scores.tolist(), is_hit.tolist(), 30) == best
+
+
+def test_huge_scores_have_few_thresholds() -> None:
+    thresholds, n_kept, n_hits = kept_at_steps(
+        frozen([1e9, 0.5]), frozen([True, False], bool), STEP
+    )
+    np.testing.assert_allclose(thresholds, [0, 0.51, 1e9 + 0.01], rtol=1e-15)
+    assert (n_kept.tolist(), n_hits.tolist()) == ([2, 1, 0], [1, 1, 0])
+
+
+def test_without_boxes_there_is_the_threshold_0_alone() -> None:
+    found = kept_at_steps(frozen([]), frozen([], bool), STEP)
+    assert [column.tolist() for column in found] == [[0.0], [0], [0]]
+
+
+def test_wrong_steps_and_scores_are_errors() -> None:
+    for step in (0.0, -0.1, np.nan):
+        with pytest.raises(ValueError, match="step: expected a positive number"):
+            kept_at_steps(frozen([0.5]), frozen([True], bool), step)
+    for score in (np.nan, np.inf, 1e300):
+        with pytest.raises(ValueError, match="expected finite values"):
+            kept_at_steps(frozen([0.5, score]), frozen([True, False], bool), STEP)
+
+
 # Test set or held out
 
 
@@ -82,7 +167,7 @@ def test_tuned_on_the_test_set_by_hand() -> None:
     assert thresholds == pytest.approx(np.array([[0.21, 0.21]]))
     counts = counts_at(CONTRAST, ONE_EACH, thresholds)
     assert (counts.n_kept, counts.n_hits, counts.n_annotations) == ([3], [2], [2])
-    assert (counts.precision, counts.recall) == ([2 / 3], [1.0])
+    assert (counts.precision, counts.recall, counts.f1) == ([2 / 3], [1.0], [4 / 5])
 
 
 def test_held_out_by_hand() -> None:
@@ -104,6 +189,7 @@ def test_a_class_of_one_sequence_is_not_counted_there() -> None:
     assert (counts.n_kept.tolist(), counts.n_annotations.tolist()) == ([0, 1], [0, 0])
     assert np.isnan(counts.precision).all()
     assert np.isnan(counts.recall).all()
+    assert np.isnan(counts.f1).all()
 
 
 def test_annotations_without_a_threshold_are_left_out_and_the_others_stay() -> None:

@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 from imodbatch.core.errors import ConfigError
-from imodbatch.scoring import score
+from imodbatch.scoring import match
+from imodbatch.scoring import metrics as metrics_stage
 from imodbatch.scoring.background import background_per_pixel
 from imodbatch.settings.config import MatchingConfig, MetricsConfig
 from imodbatch.tables.parquet import from_rows
@@ -99,7 +100,7 @@ def matched():
             t.filter(np.array(t["sequence_id"].to_pylist()) == sequence)
             for t in (FUSED_ROWS, BOXES, TRUTH)
         ]
-        parts.append(score.match(*chosen, AT_HALF).tables["matches"])
+        parts.append(match.run(*chosen, AT_HALF).tables["matches"])
     import pyarrow as pa
 
     return pa.concat_tables(parts)
@@ -107,7 +108,7 @@ def matched():
 
 def metrics(config=None):
     config = config or MetricsConfig(names=("ap_voc07_11pt", "ap_area"))
-    result = score.summarise(
+    result = metrics_stage.run(
         FRAME_TABLE, TRUTH, BOXES, matched(), CLASSES, no_coco, AT_HALF, config
     )
     table = result.tables["metrics"].to_pandas()
@@ -194,8 +195,8 @@ def test_background_counts_pixels_outside_the_boxes():
 
 def test_no_annotations_is_a_warning_not_an_error():
     empty = ANNOTATIONS.schema.empty_table()
-    table = score.match(FUSED_ROWS.slice(0, 4), BOXES.slice(0, 3), empty, AT_HALF)
-    result = score.summarise(
+    table = match.run(FUSED_ROWS.slice(0, 4), BOXES.slice(0, 3), empty, AT_HALF)
+    result = metrics_stage.run(
         frames(("s", 0), ("s", 1)), empty, BOXES.slice(0, 3), table.tables["matches"],
         CLASSES, no_coco, AT_HALF, MetricsConfig(),
     )  # fmt: skip

@@ -20,6 +20,7 @@ from imodbatch.core.matching import Outcome
 from imodbatch.core.precision import ap_voc07_11pt
 from imodbatch.core.scoring import (
     Candidates,
+    ScoredBoxes,
     Truth,
     average_precisions,
     match_all,
@@ -174,7 +175,8 @@ def _judge(
     scores = found.join(3, np.float64)
     matches = match_all(rows, scores, true_rows, IOU_THRESHOLD, "voc")
     n_annotations = true_rows.counted(len(classes))
-    ap = average_precisions(rows, scores, matches.outcome, n_annotations, ap_voc07_11pt)
+    boxes = ScoredBoxes.ranked(scores, matches.outcome, rows.class_id, rows.image)
+    ap = average_precisions(boxes, n_annotations, ap_voc07_11pt)
     azimuth = np.zeros((len(classes), grid.n_azimuths, grid.n_azimuths), dtype=np.int64)
     elevation = np.zeros((len(classes), grid.n_elevations, grid.n_elevations), dtype=np.int64)
     true_azimuth, true_elevation = truth.join(4, np.int64), truth.join(5, np.int64)

@@ -33,7 +33,8 @@ from imodbatch.run.library.settings import (
 )
 from imodbatch.run.library.tables import NO_CAMERA, SEQUENCE, Table, frames_of, told
 from imodbatch.run.steps import shared_detector
-from imodbatch.scoring import score as score_stage
+from imodbatch.scoring import match as match_stage
+from imodbatch.scoring import metrics as metrics_stage
 from imodbatch.scoring.coco import coco_ap
 from imodbatch.settings.config import DetectConfig
 from imodbatch.tables.columns import Progress, StageResult, column
@@ -215,9 +216,9 @@ def score(
             table.filter(pc.equal(table["sequence_id"], sequence_id))
             for table in (tables.fused, tables.detections, tables.annotations)
         )
-        matched.append(score_stage.match(fused_rows, boxes, true, config))
+        matched.append(match_stage.run(fused_rows, boxes, true, config))
     matches = _joined(matched, "matches").tables["matches"]
-    result = score_stage.summarise(
+    result = metrics_stage.run(
         tables.frames,
         tables.annotations,
         tables.detections,

@@ -1,4 +1,4 @@
-"""All boxes of a run, to be fused and scored again in memory: what `limits` and `jitter` share."""
+"""All boxes of a run, to be fused and scored again in memory: what the parts of diagnose share."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,6 +13,7 @@ from imodbatch.core.fusion import Sightings
 from imodbatch.core.precision import ap_voc07_11pt
 from imodbatch.core.scoring import (
     Candidates,
+    ScoredBoxes,
     Truth,
     average_precisions,
     match_all,
@@ -167,10 +168,11 @@ class Evidence:
 
     def average_precisions(self, scores: Array, iou_percent: int) -> Array:
         """11-point AP per class (K,)."""
-        rule = self.pipeline.matching.rule
-        found = match_all(self.candidates, scores, self.truth, iou_percent / 100, rule)
-        counted = self.truth.counted(self.n_classes)
-        return average_precisions(self.candidates, scores, found.outcome, counted, ap_voc07_11pt)
+        candidates, rule = self.candidates, self.pipeline.matching.rule
+        found = match_all(candidates, scores, self.truth, iou_percent / 100, rule)
+        sequence = self.sequence[self.survivors[0]]
+        boxes = ScoredBoxes.ranked(scores, found.outcome, candidates.class_id, sequence)
+        return average_precisions(boxes, self.truth.counted(self.n_classes), ap_voc07_11pt)
 
     def mean_average_precisions(self, meeting: Meeting) -> dict[str, float | None]:
         """Method → 11-point AP at the first IoU, mean over classes, when boxes meet as given."""

@@ -1,11 +1,6 @@
-"""limits: how much the voxel size matters, and what holds fusion back; part of diagnose.
-
-Both fuse again in memory, from the places that `lift` found, and write what they see. Nothing here
-feeds back into a result.
-"""
+"""losses: what holds fusion back; a part of diagnose, which feeds back into no result."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,36 +9,17 @@ from numpy.typing import NDArray
 
 from imodbatch.core.diagnosis import LOOSE_IOU, Overlaps, spread
 from imodbatch.fusion.evidence import places_of
-from imodbatch.scoring.refusion import METRIC, Evidence, camera_centers
-from imodbatch.tables.columns import Progress, StageResult
-from imodbatch.tables.parquet import empty, from_rows
-from imodbatch.tables.schemas import LOSSES, SWEEPS
+from imodbatch.scoring.rescoring import Evidence, camera_centers
+from imodbatch.tables.columns import StageResult
+from imodbatch.tables.parquet import from_rows
+from imodbatch.tables.schemas import LOSSES
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 CEILING_METHODS = ("imod", "imod_offline")
 
 
-def sweep(evidence: Evidence, progress: Progress[float] = iter) -> StageResult:
-    """Mean AP of every method at every voxel size asked."""
-    rows: list[dict[str, Any]] = []
-    for size_m in progress(evidence.pipeline.sweep.voxel_sizes_m):
-        meeting = replace(evidence.own_meeting, voxel=evidence.voxel_numbers(size_m))
-        rows += [
-            {
-                "method": method,
-                "voxel_mm": round(1000 * size_m),
-                "metric": METRIC,
-                "value": value,
-            }
-            for method, value in evidence.mean_average_precisions(meeting).items()
-        ]
-    table = from_rows(SWEEPS, rows) if rows else empty(SWEEPS)
-    sizes = len(evidence.pipeline.sweep.voxel_sizes_m)
-    return StageResult({"sweeps": table}, f"{table.num_rows} APs at {sizes} voxel sizes")
-
-
-def losses(evidence: Evidence, poses: pa.Table, classes: Sequence[str]) -> StageResult:
+def run(evidence: Evidence, poses: pa.Table, classes: Sequence[str]) -> StageResult:
     """A figure for each cause of `core.diagnosis`, per class."""
     rows: list[dict[str, Any]] = []
     for k in range(len(classes)):
@@ -55,8 +31,8 @@ def losses(evidence: Evidence, poses: pa.Table, classes: Sequence[str]) -> Stage
             }.items()
         ]
     rows += _ceilings(evidence)
-    table = from_rows(LOSSES, rows) if rows else empty(LOSSES)
-    return StageResult({"losses": table}, f"{table.num_rows} figures on what holds fusion back")
+    summary = f"{len(rows)} figures on what holds fusion back"
+    return StageResult({"losses": from_rows(LOSSES, rows)}, summary)
 
 
 def _known(value: float) -> float | None:

@@ -1,4 +1,4 @@
-"""lift → fuse → limits on a scene whose truth is exact and whose scores are ideal."""
+"""lift → fuse → losses on a scene whose truth is exact and whose scores are ideal."""
 
 from dataclasses import replace
 
@@ -22,8 +22,8 @@ from scene_tables import (
 from imodbatch.core.errors import DataError
 from imodbatch.fusion import fuse
 from imodbatch.lab.analytic.catalogue import CLASSES
-from imodbatch.scoring import limits
-from imodbatch.scoring.refusion import Evidence
+from imodbatch.scoring import losses, sweep
+from imodbatch.scoring.rescoring import Evidence
 from imodbatch.settings.config import FuseConfig, Pipeline, SweepConfig
 from imodbatch.tables.parquet import from_rows
 from imodbatch.tables.schemas import DETECTIONS, OBSERVATIONS
@@ -113,7 +113,7 @@ def replace_viewpoint(**changes):
 
 
 def test_the_sweep_says_what_fusing_in_those_voxels_gives(observations):
-    result = limits.sweep(evidence(observations, sweep=SweepConfig(voxel_sizes_m=(0.1, 0.4))))
+    result = sweep.run(evidence(observations, sweep=SweepConfig(voxel_sizes_m=(0.1, 0.4))))
     rows = result.tables["sweeps"].to_pandas().set_index(["method", "voxel_mm"])
     assert set(rows.index.get_level_values("voxel_mm")) == {100, 400}
     assert (rows.value == 1.0).all()  # ideal boxes and scores: nothing can outrank a right box
@@ -121,7 +121,7 @@ def test_the_sweep_says_what_fusing_in_those_voxels_gives(observations):
 
 def test_losses_of_an_ideal_run_are_none(observations):
     used = evidence(observations)
-    result = limits.losses(used, poses_table(), CLASSES)
+    result = losses.run(used, poses_table(), CLASSES)
     rows = result.tables["losses"].to_pandas().set_index(["class_id", "cause"]).value
     for k in SCENE.class_id:
         for cause in ("no_box", "loose_box", "unplaced"):
@@ -144,7 +144,7 @@ def test_losses_count_what_is_lost(observations):
         evidence(observations),
         detections=pa.Table.from_pandas(boxes, schema=schema, preserve_index=False),
     )
-    rows = limits.losses(used, poses_table(), CLASSES).tables["losses"].to_pandas()
+    rows = losses.run(used, poses_table(), CLASSES).tables["losses"].to_pandas()
     rows = rows.set_index(["class_id", "cause"]).value
     for k in SCENE.class_id:
         assert rows[k, "no_box"] == pytest.approx(1 / 3)
@@ -160,7 +160,7 @@ def test_split_voxels_show(observations):
     table = pa.Table.from_pandas(fine, schema=observations.schema, preserve_index=False)
     shares = {}
     for name, seen in (("coarse", observations), ("fine", table)):
-        rows = limits.losses(evidence(seen), poses_table(), CLASSES).tables["losses"].to_pandas()
+        rows = losses.run(evidence(seen), poses_table(), CLASSES).tables["losses"].to_pandas()
         shares[name] = rows[rows.cause == "split_pairs"].set_index("class_id").value
     for k in SCENE.class_id:
         assert shares["fine"][k] > shares["coarse"][k]
@@ -211,7 +211,7 @@ def test_the_ceiling_counts_one_box_per_object(observations):
     whole = Evidence(
         frames_table(), annotations_table(), detections, places, len(CLASSES), pipeline
     )
-    table = limits.losses(whole, poses_table(), CLASSES).tables["losses"].to_pandas()
+    table = losses.run(whole, poses_table(), CLASSES).tables["losses"].to_pandas()
     ceiling = table[(table.cause == "ap_perfect_ranking")].value.dropna()
     assert len(ceiling)
     assert (ceiling == 1).all()
