@@ -88,31 +88,13 @@ def clip(boxes: AnyArray, width_px: float, height_px: float) -> FloatArray:
     return np.minimum(np.maximum(_as_boxes(boxes), 0.0), upper)
 
 
-def nms(boxes: AnyArray, scores: AnyArray, iou_threshold: float) -> IndexArray:
-    """Greedy non-maximum suppression of one category's boxes.
-
-    Boxes are visited by descending score, equal scores by ascending index. A box is kept unless its
-    IoU with a box kept before it is greater than the threshold (strictly, as in torchvision).
-
-    Args:
-        boxes: (n, 4) x0 y0 x1 y1 in pixels.
-        scores: (n,) any real values.
-        iou_threshold: Largest IoU that two kept boxes may have.
-
-    Returns:
-        Indices of the kept boxes in the order of the visit.
-
-    Raises:
-        ValueError: If `boxes` is not (n, 4) or `scores` has another length.
-    """
-    ranking = np.argsort(-_as_scores(scores, len(boxes), 1), kind="stable")
-    return _survivors(ranking, iou_matrix(boxes, boxes) > iou_threshold)
-
-
 def nms_per_category(
     boxes: AnyArray, category_scores: AnyArray, score_threshold: float, iou_threshold: float
 ) -> BoolArray:
-    """Non-maximum suppression in each category by itself, of boxes that all categories share.
+    """Greedy non-maximum suppression in each category by itself, of boxes that all share.
+
+    Boxes are visited by descending score, equal scores by ascending index. A box is kept unless its
+    IoU with a box kept before it is greater than the threshold (strictly, as in torchvision).
 
     One RoI has one box and a score per category (class-agnostic box regression), so the overlaps
     are computed once. A RoI lives on if it survives in any category; pass marginal scores, summed
@@ -130,7 +112,9 @@ def nms_per_category(
     Raises:
         ValueError: If `boxes` is not (R, 4) or `category_scores` not (R, K).
     """
-    scores = _as_scores(category_scores, len(boxes), 2)
+    scores = np.asarray(category_scores)
+    if scores.ndim != 2 or len(scores) != len(boxes):
+        raise ValueError(f"scores: expected ({len(boxes)}, K), found shape {scores.shape}")
     overlaps = iou_matrix(boxes, boxes) > iou_threshold
     rankings = np.argsort(-scores, axis=0, kind="stable")
     # Compared in the scores' own type: as float64 a float32 score of 0.01 falls below 0.01.
@@ -177,14 +161,3 @@ def _as_boxes(boxes: AnyArray) -> FloatArray:
     if checked.ndim != 2 or checked.shape[1] != 4:
         raise ValueError(f"boxes: expected shape (n, 4), found {checked.shape}")
     return checked
-
-
-def _as_scores(scores: AnyArray, n_boxes: int, n_dimensions: int) -> AnyArray:
-    """Scores as an array of real numbers, checked to have one row per box."""
-    checked = np.asarray(scores)
-    if checked.ndim != n_dimensions or len(checked) != n_boxes:
-        raise ValueError(
-            f"scores: expected {n_dimensions} dimension(s) and {n_boxes} rows, "
-            f"found shape {checked.shape}"
-        )
-    return checked if np.issubdtype(checked.dtype, np.floating) else checked.astype(np.float64)

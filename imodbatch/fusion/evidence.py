@@ -21,7 +21,7 @@ from imodbatch.core.fusion import (
 )
 from imodbatch.core.voxels import group_labels
 from imodbatch.settings.config import FuseConfig, ViewpointConfig
-from imodbatch.tables.columns import column, view_scores_of
+from imodbatch.tables.columns import column, stacked, view_scores_of
 
 OFFLINE_SUFFIX = "_offline"
 
@@ -71,13 +71,12 @@ def shaped_scores(
 
 def voxels_of(placed: pa.Table) -> NDArray[np.int64]:
     """Voxel indices (V, 3) of placed observations."""
-    names = ("voxel_i", "voxel_j", "voxel_k")
-    return np.stack([column(placed, name) for name in names], axis=-1).astype(np.int64)
+    return stacked(placed, "voxel_i", "voxel_j", "voxel_k").astype(np.int64)
 
 
 def places_of(observations: pa.Table) -> NDArray[np.float64]:
     """World places (V, 3) of observations, NaN where unknown."""
-    return np.stack([column(observations, name) for name in ("x_m", "y_m", "z_m")], axis=-1)
+    return stacked(observations, "x_m", "y_m", "z_m")
 
 
 def sightings_of(

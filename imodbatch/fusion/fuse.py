@@ -20,9 +20,9 @@ from imodbatch.fusion.evidence import (
     voxels_of,
 )
 from imodbatch.settings.config import FuseConfig, ViewpointConfig
-from imodbatch.tables.columns import StageResult, boxes_of, column, tally
-from imodbatch.tables.parquet import empty, from_columns
-from imodbatch.tables.schemas import FUSED, OBJECTS
+from imodbatch.tables.columns import StageResult, boxes_of, column, stacked, tally
+from imodbatch.tables.parquet import empty, from_columns, from_rows
+from imodbatch.tables.schemas import DETECTIONS, FUSED, OBJECTS
 
 
 def run(
@@ -74,7 +74,7 @@ def _fused_rows(
     fused: FusedScores,
 ) -> pa.Table:
     pose_bin = fused.pose_bin[box, class_id]
-    keys = detections.select(["sequence_id", "frame_index", "detection_index"]).take(box)
+    keys = detections.select(list(DETECTIONS.key)).take(box)
     return from_columns(
         FUSED,
         {
@@ -98,37 +98,38 @@ def _objects(
     """One object per voxel and method: its best class after all frames."""
     if seen.num_rows == 0 or not fused:
         return empty(OBJECTS)
-    columns: dict[str, list[object]] = {name: [] for name in OBJECTS.schema.names}
     xyz, extent = places_of(seen), _extents(frames, boxes, seen)
     n_azimuths = sightings.view_scores.shape[-1]
     order = np.argsort(sightings.voxel, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(sightings.voxel[order])) + 1)
-    sequence_id = seen["sequence_id"][0].as_py()
+    first = np.array([rows[0] for rows in groups])
+    objects = []
     for method, result in fused.items():
-        best = [result.score[rows[0]].argmax() for rows in groups]
-        value = np.array([result.score[rows[0], k] for rows, k in zip(groups, best, strict=True)])
+        best = result.score[first].argmax(axis=-1)
+        value, pose_bin, n_cells = (
+            of_box[first, best] for of_box in (result.score, result.pose_bin, result.n_cells)
+        )
+        yaw = yaw_from_pose_bin(pose_bin, n_azimuths)
         for index, g in enumerate(np.argsort(-value, kind="stable")):
-            rows, k = groups[g], int(best[g])
-            pose_bin = int(result.pose_bin[rows[0], k])
+            rows = groups[g]
             center, size = xyz[rows].mean(axis=0), np.median(extent[rows], axis=0)
-            object_row = {
-                "sequence_id": sequence_id,
-                "method": method,
-                "object_index": index,
-                "class_id": k,
-                "score": float(value[g]),
-                **dict(zip(("x_m", "y_m", "z_m"), center.tolist(), strict=True)),
-                "yaw_rad": None if pose_bin < 0 else float(yaw_from_pose_bin(pose_bin, n_azimuths)),
-                "extent_x_m": float(size[0]),
-                "extent_z_m": float(size[1]),
-                "n_detections": len(rows),
-                "n_cells": int(result.n_cells[rows[0], k]),
-                "first_frame_index": int(sightings.frame[rows].min()),
-                "last_frame_index": int(sightings.frame[rows].max()),
-            }
-            for name, item in object_row.items():
-                columns[name].append(item)
-    return from_columns(OBJECTS, columns)
+            objects.append(
+                {
+                    "sequence_id": seen["sequence_id"][0].as_py(),
+                    "method": method,
+                    "object_index": index,
+                    "class_id": best[g],
+                    "score": value[g],
+                    **dict(zip(("x_m", "y_m", "z_m"), center, strict=True)),
+                    "yaw_rad": None if pose_bin[g] < 0 else yaw[g],
+                    **dict(zip(("extent_x_m", "extent_z_m"), size, strict=True)),
+                    "n_detections": len(rows),
+                    "n_cells": n_cells[g],
+                    "first_frame_index": sightings.frame[rows].min(),
+                    "last_frame_index": sightings.frame[rows].max(),
+                }
+            )
+    return from_rows(OBJECTS, objects)
 
 
 def _extents(frames: pa.Table, boxes: pa.Table, seen: pa.Table) -> NDArray[np.float64]:
@@ -136,5 +137,5 @@ def _extents(frames: pa.Table, boxes: pa.Table, seen: pa.Table) -> NDArray[np.fl
     numbers = column(frames, "frame_index")
     row = np.searchsorted(numbers, column(boxes, "frame_index"))
     corners, depth_m = boxes_of(boxes), column(seen, "depth_m").astype(np.float64)
-    focal = np.stack([column(frames, "fx_px")[row], column(frames, "fy_px")[row]], axis=-1)
+    focal = stacked(frames, "fx_px", "fy_px")[row]
     return (corners[:, 2:] - corners[:, :2]) * depth_m[:, None] / focal

@@ -45,70 +45,48 @@ def _share(flags: NDArray[np.bool_]) -> tuple[float, int]:
 
 def _box_losses(evidence: Evidence, k: int) -> dict[str, tuple[float, int]]:
     truth = evidence.truth
-    counted = (truth.class_id == k) & ~truth.is_ignored
-    iou = evidence.overlaps.annotation_iou[counted]
-    right = evidence.pipeline.matching.iou_percents[0] / 100
+    iou = evidence.overlaps.annotation_iou[(truth.class_id == k) & ~truth.is_ignored]
     return {
         "no_box": _share(iou < LOOSE_IOU),
-        "loose_box": _share((iou >= LOOSE_IOU) & (iou < right)),
+        "loose_box": _share((iou >= LOOSE_IOU) & (iou < evidence.iou_percent / 100)),
     }
 
 
 def _place_losses(evidence: Evidence, poses: pa.Table, k: int) -> dict[str, tuple[float, int]]:
     """How the sightings of each instance of a class scatter; needs instance ids and places."""
-    sighted = _sightings_of_instances(evidence, k)
-    row_of_box = np.full(evidence.detections.num_rows, -1)
-    row_of_box[evidence.placed] = np.arange(len(evidence.placed))
-    boxes = np.array(sorted(sighted), dtype=np.int64)
-    has_place = row_of_box[boxes] >= 0
-    boxes = boxes[has_place]
-    names = [sighted[int(box)] for box in boxes]
-    instance = np.unique(names, return_inverse=True)[1] if names else np.zeros(0, dtype=np.int64)
-    voxel = evidence.own_voxels[row_of_box[boxes]]
+    boxes, instance = _sightings(evidence, k)
+    has_place = evidence.voxel_of_box[boxes] >= 0
+    boxes, instance = boxes[has_place], instance[has_place]
+    voxel = evidence.voxel_of_box[boxes]
     cameras = camera_centers(evidence.frames, poses)[evidence.image[boxes]]
     found = spread(instance, voxel, places_of(evidence.observations)[boxes], cameras)
+    box, class_id = evidence.survivors
+    stray = box[(class_id == k) & (evidence.overlaps.candidate_iou < LOOSE_IOU)]
+    stray_voxel = evidence.voxel_of_box[stray]
     return {
         "unplaced": _share(~has_place),
         "split_pairs": (found.split_pairs, found.n_pairs),
         "voxels_per_instance": (found.voxels_per_instance, found.n_instances),
         "place_spread_m": (found.place_spread_m, found.n_sightings),
         "behind_share": (found.behind_share, found.n_sightings),
-        "false_in_true_voxel": _false_in_true_voxel(evidence, k, set(voxel.tolist()), row_of_box),
+        "false_in_true_voxel": _share(np.isin(stray_voxel[stray_voxel >= 0], voxel)),
     }
 
 
-def _sightings_of_instances(evidence: Evidence, k: int) -> dict[int, str]:
-    """Box → instance, for the boxes of class k that overlap an annotation enough."""
-    right = evidence.pipeline.matching.iou_percents[0] / 100
+def _sightings(evidence: Evidence, k: int) -> tuple[Ints, Ints]:
+    """Boxes of class k that overlap an instance enough, and the number of the instance."""
     found = evidence.overlaps
     box, class_id = evidence.survivors
-    rows = np.flatnonzero((class_id == k) & (found.candidate_iou >= right))
-    sequences = evidence.annotations["sequence_id"].to_pylist()
-    instances = evidence.annotations["instance_id"].to_pylist()
-    sighted = {}
-    for row in rows:
-        annotation = int(found.candidate_annotation[row])
-        if instances[annotation] is not None:
-            sighted[int(box[row])] = f"{sequences[annotation]}/{instances[annotation]}"
-    return sighted
-
-
-def _false_in_true_voxel(
-    evidence: Evidence, k: int, true_voxels: set[int], row_of_box: Ints
-) -> tuple[float, int]:
-    found = evidence.overlaps
-    box, class_id = evidence.survivors
-    stray = box[(class_id == k) & (found.candidate_iou < LOOSE_IOU)]
-    stray = stray[row_of_box[stray] >= 0]
-    voxels = evidence.own_voxels[row_of_box[stray]]
-    return _share(np.isin(voxels, sorted(true_voxels)))
+    rows = np.flatnonzero((class_id == k) & (found.candidate_iou >= evidence.iou_percent / 100))
+    instance = evidence.instance[found.candidate_annotation[rows]]
+    return box[rows][instance >= 0], instance[instance >= 0]
 
 
 def _ceilings(evidence: Evidence) -> list[dict[str, Any]]:
     """AP of imod with looser boxes, one voxel per instance, a perfect ranking."""
     if not len(evidence.truth.image):
         return []
-    iou_percent = evidence.pipeline.matching.iou_percents[0]
+    iou_percent = evidence.iou_percent
     by_method = evidence.candidate_scores(evidence.own_voxels)
     chosen = next((name for name in CEILING_METHODS if name in by_method), None)
     if chosen is None:
@@ -141,13 +119,9 @@ def best_boxes(found: Overlaps, iou: float) -> NDArray[np.bool_]:
 
 def oracle_voxels(evidence: Evidence) -> Ints:
     """(V,) voxel numbers in which every sighting of an instance shares one voxel, alone."""
-    numbers = evidence.own_voxels.copy()
-    row_of_box = {int(box): row for row, box in enumerate(evidence.placed)}
-    first = int(numbers.max(initial=-1)) + 1
-    number_of: dict[str, int] = {}
+    voxel = evidence.voxel_of_box.copy()
+    first_new = voxel.max(initial=-1) + 1
     for k in range(evidence.n_classes):
-        for box, name in _sightings_of_instances(evidence, k).items():
-            if box in row_of_box:
-                number = number_of.setdefault(name, first + len(number_of))
-                numbers[row_of_box[box]] = number
-    return numbers
+        boxes, instance = _sightings(evidence, k)
+        voxel[boxes] = first_new + instance
+    return voxel[evidence.placed]

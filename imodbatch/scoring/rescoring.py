@@ -31,7 +31,7 @@ from imodbatch.fusion.evidence import (
     voxels_of,
 )
 from imodbatch.settings.config import Pipeline
-from imodbatch.tables.columns import boxes_of, column, image_numbers, truth_of
+from imodbatch.tables.columns import boxes_of, column, image_numbers, stacked, truth_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -130,6 +130,25 @@ class Evidence:
         """(V,) voxel numbers of the run itself."""
         return self.own_meeting.voxel
 
+    @cached_property
+    def voxel_of_box(self) -> Ints:
+        """(n,) the same of every box, −1 where it has no place."""
+        numbers = np.full(self.detections.num_rows, -1, dtype=np.int64)
+        numbers[self.placed] = self.own_voxels
+        return numbers
+
+    @cached_property
+    def instance(self) -> Ints:
+        """(A,) number of the physical object of every annotation, −1 where nobody says."""
+        parts = [self.annotations[name] for name in ("sequence_id", "instance_id")]
+        names = pc.binary_join_element_wise(*parts, "/").combine_chunks()
+        return names.dictionary_encode().indices.fill_null(-1).to_numpy().astype(np.int64)
+
+    @property
+    def iou_percent(self) -> int:
+        """The first of those asked: from here on a box counts as right."""
+        return self.pipeline.matching.iou_percents[0]
+
     def voxel_numbers(self, voxel_size_m: float) -> Ints:
         """(V,) voxel number of the placed boxes, voxels of different sequences apart."""
         voxels = voxel_indices(places_of(self.observations)[self.placed], voxel_size_m)
@@ -176,9 +195,8 @@ class Evidence:
 
     def mean_average_precisions(self, meeting: Meeting) -> dict[str, float | None]:
         """Method → 11-point AP at the first IoU, mean over classes, when boxes meet as given."""
-        iou_percent = self.pipeline.matching.iou_percents[0]
         means = {
-            name: mean_over_classes(self.average_precisions(scores, iou_percent))
+            name: mean_over_classes(self.average_precisions(scores, self.iou_percent))
             for name, scores in self.scores_of(meeting).items()
         }
         return {name: value if np.isfinite(value) else None for name, value in means.items()}
@@ -188,6 +206,5 @@ def camera_centers(frames: pa.Table, poses: pa.Table) -> Array:
     """Camera centres by image number (F, 3), NaN where lost."""
     centers = np.full((frames.num_rows, 3), np.nan)
     known = poses.filter(pc.not_equal(poses["status"], LOST))
-    places = [column(known, name) for name in ("tx_m", "ty_m", "tz_m")]
-    centers[image_numbers(frames, known)] = np.stack(places, axis=-1)
+    centers[image_numbers(frames, known)] = stacked(known, "tx_m", "ty_m", "tz_m")
     return centers

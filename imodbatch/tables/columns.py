@@ -13,7 +13,7 @@ from imodbatch.core.errors import TableError
 from imodbatch.core.frames import make_transform, matrix_from_quaternion, quaternion_from_matrix
 from imodbatch.core.scoring import Truth
 from imodbatch.core.trajectory import LOST
-from imodbatch.tables.schemas import FRAMES
+from imodbatch.tables.schemas import BOX, FRAMES
 
 T = TypeVar("T")
 Progress = Callable[[Iterable[T]], Iterable[T]]
@@ -49,10 +49,14 @@ def codes(strings: pa.ChunkedArray, names: Sequence[str] | pa.Array) -> NDArray[
     return np.asarray(found.to_numpy(zero_copy_only=False), dtype=np.int64)
 
 
+def stacked(table: pa.Table, *names: str) -> NDArray[Any]:
+    """Columns side by side: (n, as many as named)."""
+    return np.stack([column(table, name) for name in names], axis=-1)
+
+
 def boxes_of(table: pa.Table) -> NDArray[np.float64]:
     """Boxes (n, 4) of a table with box columns."""
-    names = ("x0_px", "y0_px", "x1_px", "y1_px")
-    return np.stack([column(table, name) for name in names], axis=-1).astype(np.float64)
+    return stacked(table, *(box.name for box in BOX)).astype(np.float64)
 
 
 def view_scores_of(detections: pa.Table, n_classes: int) -> NDArray[np.float32]:
@@ -79,9 +83,8 @@ def world_from_cam_of(poses: pa.Table) -> dict[int, NDArray[np.float64]]:
     known = poses.filter(pc.not_equal(poses["status"], LOST))
     if known.num_rows == 0:
         return {}
-    quaternion = np.stack([column(known, name) for name in ("qw", "qx", "qy", "qz")], axis=-1)
-    center = np.stack([column(known, name) for name in ("tx_m", "ty_m", "tz_m")], axis=-1)
-    transforms = make_transform(matrix_from_quaternion(quaternion), center)
+    rotation = matrix_from_quaternion(stacked(known, "qw", "qx", "qy", "qz"))
+    transforms = make_transform(rotation, stacked(known, "tx_m", "ty_m", "tz_m"))
     return dict(zip(column(known, "frame_index").tolist(), transforms, strict=True))
 
 

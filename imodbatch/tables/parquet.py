@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from imodbatch.core.errors import TableError
 from imodbatch.tables.atomic import replacing
-from imodbatch.tables.schemas import TABLES, TableSpec
+from imodbatch.tables.schemas import TableSpec
 
 ARROW_ERRORS = (
     pa.ArrowInvalid,
@@ -209,8 +209,3 @@ def _read_open(path: Path, file: BinaryIO, spec: TableSpec) -> Stored:
     except (OSError, pa.ArrowInvalid) as error:
         message = str(error).splitlines()[0]
         raise TableError(f"{path}: damaged ({message}). Delete it and run again.") from None
-
-
-def spec_of(name: str) -> TableSpec:
-    """The schema of a table by name."""
-    return TABLES[name]

@@ -21,7 +21,6 @@ from imodbatch.tables.parquet import (
     from_rows,
     read_info,
     read_table,
-    spec_of,
     table_path,
     write_table,
 )
@@ -94,7 +93,6 @@ def stored(tmp_path):
 def test_where_tables_lie(tmp_path):
     assert table_path(tmp_path, "poses", "a") == tmp_path / "poses" / "a.parquet"
     assert table_path(tmp_path, "metrics") == tmp_path / "metrics" / "run.parquet"
-    assert spec_of("poses") is POSES
 
 
 def test_round_trip(stored):
