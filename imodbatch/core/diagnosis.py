@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imodbatch.core.boxes import iou_matrix
-from imodbatch.core.scoring import Candidates, Truth
+from imodbatch.core.scoring import Candidates, Truth, alike
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -36,7 +36,7 @@ BEHIND_M = 0.03
 
 @dataclass(frozen=True)
 class Overlaps:
-    """Best overlaps of one class: per annotation (A,), per candidate (D,) and its annotation."""
+    """Best overlaps: per annotation (A,), per candidate (D,) and its annotation."""
 
     annotation_iou: Array
     candidate_iou: Array
@@ -48,13 +48,8 @@ def overlaps(candidates: Candidates, truth: Truth) -> Overlaps:
     annotation_iou = np.zeros(len(truth.image))
     candidate_iou = np.zeros(len(candidates.image))
     partner = np.full(len(candidates.image), -1, dtype=np.int64)
-    for image in np.unique(truth.image):
-        true_rows = np.flatnonzero(truth.image == image)
-        rows = np.flatnonzero(candidates.image == image)
-        if len(rows) == 0:
-            continue
+    for rows, true_rows in alike(candidates, truth):
         iou = iou_matrix(candidates.boxes[rows], truth.boxes[true_rows])
-        iou *= candidates.class_id[rows][:, None] == truth.class_id[true_rows]
         annotation_iou[true_rows] = iou.max(axis=0)
         candidate_iou[rows] = iou.max(axis=1)
         partner[rows] = np.where(iou.max(axis=1) > 0, true_rows[iou.argmax(axis=1)], -1)

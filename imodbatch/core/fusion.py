@@ -29,11 +29,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from imodbatch.core.slots import CellReduce, slot_changes
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Method = Literal["single", "naive", "naive_log", "imod"]
-CellReduce = Literal["mean", "max", "last"]
 Mode = Literal["online", "offline"]
 ROWS_AT_ONCE = 8192  # bounds memory: rows × classes × azimuths of float64 at a time
 
@@ -148,7 +149,7 @@ def fuse_modes(
                 [voxel[here], sightings.elevation_bin[rows], sightings.azimuth_bin[rows]]
             )
             votes = _votes(scores[rows], sightings.azimuth_bin[rows], sightings.elevation_bin[rows])
-            changes, filled = _slot_changes(votes, enters[here], cells, cell_reduce)
+            changes, filled = slot_changes(votes, enters[here], cells, cell_reduce)
         else:
             evidence = class_scores[rows]
             if method == "naive_log":
@@ -262,56 +263,3 @@ def _sums_by_group(values: NDArray[Any], group: Ints) -> NDArray[Any]:
     for start, length in zip(starts[lengths > 1], lengths[lengths > 1], strict=True):
         np.cumsum(values[start : start + length], axis=0, out=sums[start : start + length])
     return sums
-
-
-def _slot_changes(
-    votes: Array, enters: Bools, cells: Ints, cell_reduce: CellReduce
-) -> tuple[Array, Ints]:
-    """What each box changes in its own slot: their sum so far is the sum over the slots.
-
-    All slots are filled at once, visit by visit: first every slot's first box, then every slot's
-    second one, and so on.
-
-    Args:
-        votes: (V, K, D), each voxel's boxes in order of time.
-        enters: (V, K) whether the box enters its slot for the class.
-        cells: (3, V) voxel, elevation and azimuth, which name the slot.
-        cell_reduce: as in `fuse`.
-
-    Returns:
-        Changes (V, K, D) of the slot's content, and (V, K) 1 where the box is the slot's first.
-    """
-    slot = np.unique(cells, axis=1, return_inverse=True)[1].reshape(-1)
-    by_slot = np.argsort(slot, kind="stable")
-    first = np.searchsorted(slot[by_slot], slot)
-    visit = np.empty_like(slot)
-    visit[by_slot] = np.arange(len(slot)) - first[by_slot]
-    by_visit = np.argsort(visit, kind="stable")
-    n_slots = int(slot.max(initial=-1)) + 1
-    content = np.zeros((n_slots, *votes.shape[1:]))
-    n_entered = np.zeros((n_slots, votes.shape[1]), dtype=np.int64)
-    changes, is_first = np.empty_like(votes), np.empty(enters.shape, dtype=np.int64)
-    for rows in np.split(by_visit, np.cumsum(np.bincount(visit))[:-1]):
-        at = slot[rows]
-        is_first[rows] = enters[rows] & (n_entered[at] == 0)
-        n_entered[at] += enters[rows]
-        updated = UPDATE_SLOT[cell_reduce](content[at], votes[rows], n_entered[at][:, :, None])
-        updated = np.where(enters[rows][:, :, None], updated, content[at])
-        changes[rows] = updated - content[at]
-        content[at] = updated
-    return changes, is_first
-
-
-def _running_mean(content: Array, votes: Array, n_entered: Ints) -> Array:
-    return content + (votes - content) / np.maximum(n_entered, 1)
-
-
-def _running_max(content: Array, votes: Array, n_entered: Ints) -> Array:  # noqa: ARG001
-    return np.maximum(content, votes)
-
-
-def _latest(content: Array, votes: Array, n_entered: Ints) -> Array:  # noqa: ARG001
-    return votes
-
-
-UPDATE_SLOT = {"mean": _running_mean, "max": _running_max, "last": _latest}

@@ -1,6 +1,6 @@
 """Boxes of many images held against the truth, class by class."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,11 +100,7 @@ def match_all(
     outcome = np.full(len(scores), Outcome.FALSE_POSITIVE, dtype=np.int8)
     annotation_index = np.full(len(scores), -1, dtype=np.int64)
     iou = np.full(len(scores), np.nan)
-    annotations_of = _groups(truth.image, truth.class_id)
-    for group, rows in _groups(candidates.image, candidates.class_id).items():
-        if group not in annotations_of:
-            continue
-        true_rows = annotations_of[group]
+    for rows, true_rows in alike(candidates, truth):
         matches = match_image(
             candidates.boxes[rows],
             scores[rows],
@@ -140,6 +136,14 @@ def mean_over_classes(values: Array) -> float:
     """Mean over the classes that have a value; NaN when none has."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if len(known) else float("nan")
+
+
+def alike(candidates: Candidates, truth: Truth) -> Iterator[tuple[Ints, Ints]]:
+    """Rows of candidates and rows of annotations that share image and class, where both are."""
+    annotations_of = _groups(truth.image, truth.class_id)
+    for group, rows in _groups(candidates.image, candidates.class_id).items():
+        if group in annotations_of:
+            yield rows, annotations_of[group]
 
 
 def _groups(image: Ints, class_id: Ints) -> dict[tuple[int, int], Ints]:

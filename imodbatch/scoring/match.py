@@ -7,11 +7,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from imodbatch.core.matching import OUTCOME_NAMES
-from imodbatch.core.scoring import Candidates, match_all
+from imodbatch.core.scoring import match_all
 from imodbatch.settings.config import MatchingConfig
-from imodbatch.tables.columns import StageResult, boxes_of, column, positions, tally, truth_of
+from imodbatch.tables.columns import StageResult, candidates_of, column, tally, truth_of
 from imodbatch.tables.parquet import empty, from_columns
-from imodbatch.tables.schemas import DETECTIONS, FUSED, MATCHES
+from imodbatch.tables.schemas import FUSED, MATCHES
 
 
 def run(
@@ -23,11 +23,7 @@ def run(
     parts = []
     for name in pc.unique(fused["method"]).to_pylist():
         rows = fused.filter(pc.equal(fused["method"], name))
-        candidates = Candidates(
-            column(rows, "frame_index").astype(np.int64),
-            column(rows, "class_id").astype(np.int64),
-            boxes_of(detections)[positions(rows, detections, DETECTIONS.key)],
-        )
+        candidates = candidates_of(rows, detections, column(rows, "frame_index"))
         scores = column(rows, "score").astype(np.float64)
         for iou_percent in config.iou_percents:
             found = match_all(candidates, scores, truth, iou_percent / 100, config.rule)

@@ -28,11 +28,10 @@ from imodbatch.scoring.background import background_per_pixel
 from imodbatch.settings.config import MatchingConfig, MetricsConfig
 from imodbatch.tables.columns import (
     StageResult,
-    boxes_of,
+    candidates_of,
     codes,
     column,
     image_numbers,
-    positions,
     truth_of,
 )
 from imodbatch.tables.parquet import from_rows
@@ -267,11 +266,7 @@ def _add_operating_points(
 def _over_several_ious(ground: _Ground, matches: pa.Table, coco_ap: CocoAp) -> Array:
     """AP@[.5:.95] of each class (K,)."""
     frames, annotations, detections = ground.frames, ground.annotations, ground.detections
-    candidates = Candidates(
-        image_numbers(frames, matches),
-        column(matches, "class_id").astype(np.int64),
-        boxes_of(detections)[positions(matches, detections, DETECTIONS.key)],
-    )
+    candidates = candidates_of(matches, detections, image_numbers(frames, matches))
     truth = truth_of(annotations, image_numbers(frames, annotations))
     scores = column(matches, "score").astype(np.float64)
     return coco_ap(candidates, scores, truth, len(ground.n_annotations))

@@ -15,7 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from imodbatch.core.depth import DepthMode
 from imodbatch.core.errors import ConfigError
-from imodbatch.core.fusion import CellReduce, Method
+from imodbatch.core.fusion import Method
+from imodbatch.core.slots import CellReduce
 from imodbatch.core.viewpoint import ViewGrid
 
 Fraction = Annotated[float, Field(ge=0, le=1)]

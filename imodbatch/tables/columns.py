@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from imodbatch.core.errors import TableError
 from imodbatch.core.frames import make_transform, matrix_from_quaternion, quaternion_from_matrix
-from imodbatch.core.scoring import Truth
+from imodbatch.core.scoring import Candidates, Truth
 from imodbatch.core.trajectory import LOST
-from imodbatch.tables.schemas import BOX, FRAMES
+from imodbatch.tables.schemas import BOX, DETECTIONS, FRAMES
 
 T = TypeVar("T")
 Progress = Callable[[Iterable[T]], Iterable[T]]
@@ -106,6 +106,15 @@ def truth_of(annotations: pa.Table, image: NDArray[np.int64]) -> Truth:
         boxes=boxes_of(annotations),
         is_ignored=column(annotations, "is_ignored").astype(np.bool_),
         is_crowd=column(annotations, "is_crowd").astype(np.bool_),
+    )
+
+
+def candidates_of(rows: pa.Table, detections: pa.Table, image: NDArray[np.int64]) -> Candidates:
+    """Fused rows or matches with the boxes of their detections; `image` (D,) as in `truth_of`."""
+    return Candidates(
+        image=image.astype(np.int64),
+        class_id=column(rows, "class_id").astype(np.int64),
+        boxes=boxes_of(detections)[positions(rows, detections, DETECTIONS.key)],
     )
 
 

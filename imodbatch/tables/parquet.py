@@ -6,6 +6,8 @@ content depends on) and the stage's summary. Equal provenance means: up to date.
 
 import hashlib
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -87,10 +89,8 @@ def conform(table: pa.Table, spec: TableSpec) -> pa.Table:
     foreign = [name for name in table.column_names if name not in spec.schema.names]
     if missing or foreign:
         raise TableError(f"table {spec.name}: columns missing {missing}, foreign {foreign}.")
-    try:
+    with _naming(spec):
         table = table.select(spec.schema.names).cast(spec.schema)
-    except ARROW_ERRORS as error:
-        raise TableError(f"table {spec.name}: {str(error).splitlines()[0]}.") from None
     for column in spec.schema:
         if not column.nullable and table[column.name].null_count:
             raise TableError(f"table {spec.name}: {column.name} may not be null.")
@@ -110,12 +110,18 @@ def empty(spec: TableSpec) -> pa.Table:
 
 def from_columns(spec: TableSpec, columns: dict[str, Any]) -> pa.Table:
     """A table from arrays or lists, cast to its schema."""
-    try:
+    with _naming(spec):
         arrays = {f.name: _array(columns[f.name], f.type) for f in spec.schema if f.name in columns}
-        table = pa.table(arrays)
+        return conform(pa.table(arrays), spec)
+
+
+@contextmanager
+def _naming(spec: TableSpec) -> Iterator[None]:
+    """Arrow's errors as one line that names the table."""
+    try:
+        yield
     except ARROW_ERRORS as error:
         raise TableError(f"table {spec.name}: {str(error).splitlines()[0]}.") from None
-    return conform(table, spec)
 
 
 def _array(values: Any, dtype: pa.DataType) -> pa.Array:
@@ -126,11 +132,8 @@ def _array(values: Any, dtype: pa.DataType) -> pa.Array:
 
 def from_rows(spec: TableSpec, rows: list[dict[str, Any]]) -> pa.Table:
     """A table from dictionaries, one per row; absent keys are null."""
-    try:
-        table = pa.Table.from_pylist(rows, schema=spec.schema)
-    except ARROW_ERRORS as error:
-        raise TableError(f"table {spec.name}: {str(error).splitlines()[0]}.") from None
-    return conform(table, spec)
+    with _naming(spec):
+        return conform(pa.Table.from_pylist(rows, schema=spec.schema), spec)
 
 
 def write_table(path: Path, table: pa.Table, info: TableInfo) -> None:

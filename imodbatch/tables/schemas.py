@@ -30,13 +30,23 @@ class Column:
 
 @dataclass(frozen=True)
 class TableSpec:
-    """A table: its columns in order, the columns that form its key, and the schema's version."""
+    """A table: the columns that form its key, those that follow, and the schema's version."""
 
     name: str
-    key: tuple[str, ...]
-    columns: tuple[Column, ...]
+    key_columns: tuple[Column, ...]
+    other_columns: tuple[Column, ...]
     per_run: bool = False
     version: int = 1
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """Names of the columns of the key."""
+        return tuple(column.name for column in self.key_columns)
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """All of them in their order."""
+        return self.key_columns + self.other_columns
 
     @cached_property
     def schema(self) -> pa.Schema:
@@ -62,6 +72,7 @@ DETECTION_KEY = (*FRAME_KEY, Column("detection_index", I32, "ordinal of the box 
 METHOD = Column("method", STRING, "single, naive, naive_log, imod; *_offline: all frames are seen")
 CLASS_ID = Column("class_id", I16, "ordinal of the class in the manifest's list")
 FUSED_KEY = (*DETECTION_KEY, METHOD, CLASS_ID)
+MEAN_AP = Column("metric", STRING, "ap_voc07_11pt, mean over classes")
 IOU_PERCENT = Column("iou_percent", I16, "IoU from which on a box counts as right, percent")
 BOX = _columns(
     F32,
@@ -73,18 +84,19 @@ BOX = _columns(
 )
 
 
-def _names(columns: tuple[Column, ...]) -> tuple[str, ...]:
-    return tuple(column.name for column in columns)
-
-
 def _intrinsics(prefix: str, camera: str) -> tuple[Column, ...]:
-    return (
-        Column(f"{prefix}width_px", I32, f"{camera} image width"),
-        Column(f"{prefix}height_px", I32, f"{camera} image height"),
-        Column(f"{prefix}fx_px", F64, f"{camera} focal length, x"),
-        Column(f"{prefix}fy_px", F64, f"{camera} focal length, y"),
-        Column(f"{prefix}cx_px", F64, f"{camera} principal point, x, continuous pixels"),
-        Column(f"{prefix}cy_px", F64, f"{camera} principal point, y, continuous pixels"),
+    size = _columns(I32, False, width_px="image width", height_px="image height")
+    rays = _columns(
+        F64,
+        False,
+        fx_px="focal length, x",
+        fy_px="focal length, y",
+        cx_px="principal point, x, continuous pixels",
+        cy_px="principal point, y, continuous pixels",
+    )
+    return tuple(
+        Column(prefix + column.name, column.dtype, f"{camera} {column.meaning}")
+        for column in size + rays
     )
 
 
@@ -104,9 +116,8 @@ def _pose_columns(remark: str) -> tuple[Column, ...]:
 
 FRAMES = TableSpec(
     "frames",
-    _names(FRAME_KEY),
+    FRAME_KEY,
     (
-        *FRAME_KEY,
         Column("timestamp_ns", I64, "moment of the colour image", nullable=True),
         Column("color_path", STRING, "colour image, relative to the manifest's root"),
         Column("depth_path", STRING, "depth image, likewise; null = none", nullable=True),
@@ -123,10 +134,8 @@ FRAMES = TableSpec(
 )
 ANNOTATIONS = TableSpec(
     "annotations",
-    (*_names(FRAME_KEY), "annotation_index"),
+    (*FRAME_KEY, Column("annotation_index", I32, "ordinal of the annotation in its frame")),
     (
-        *FRAME_KEY,
-        Column("annotation_index", I32, "ordinal of the annotation in its frame"),
         CLASS_ID,
         *BOX,
         Column("is_ignored", BOOL, "counts neither as found nor as missed (difficult, cut off)"),
@@ -149,9 +158,8 @@ ANNOTATIONS = TableSpec(
 )
 POSES = TableSpec(
     "poses",
-    _names(FRAME_KEY),
+    FRAME_KEY,
     (
-        *FRAME_KEY,
         *_pose_columns("null = lost"),
         Column(
             "status",
@@ -162,24 +170,24 @@ POSES = TableSpec(
 )
 POSE_QUALITY = TableSpec(
     "pose_quality",
-    ("sequence_id", "metric"),
     (
         *SEQUENCE_KEY,
         Column("metric", STRING, "see `stages.pose_quality`; the unit is its ending"),
+    ),
+    (
         Column("value", F64, "the figure; null = cannot be told", nullable=True),
         Column("n", I64, "cases behind the value; of the source's own figures, frames"),
     ),
 )
 REFERENCE_POSES = TableSpec(
     "reference_poses",
-    _names(FRAME_KEY),
-    (*FRAME_KEY, *_pose_columns("aligned to the poses by a rigid transform; null = none")),
+    FRAME_KEY,
+    _pose_columns("aligned to the poses by a rigid transform; null = none"),
 )
 DETECTIONS = TableSpec(
     "detections",
-    _names(DETECTION_KEY),
+    DETECTION_KEY,
     (
-        *DETECTION_KEY,
         *BOX,
         Column("background_score", F32, "softmax value of the background"),
         Column("class_ids", pa.list_(I16), "classes for which the box survived threshold and NMS"),
@@ -193,9 +201,8 @@ DETECTIONS = TableSpec(
 )
 OBSERVATIONS = TableSpec(
     "observations",
-    _names(DETECTION_KEY),
+    DETECTION_KEY,
     (
-        *DETECTION_KEY,
         Column("status", STRING, "placed, no_depth, unreadable_depth, no_pose, out_of_range"),
         Column("depth_m", F32, "z-depth of the box", nullable=True),
         *_columns(
@@ -215,9 +222,8 @@ OBSERVATIONS = TableSpec(
 )
 FUSED = TableSpec(
     "fused",
-    _names(FUSED_KEY),
+    FUSED_KEY,
     (
-        *FUSED_KEY,
         Column("score", F32, "the method's score; the single-view score where n_cells is 0"),
         Column("pose_bin", I16, "best pose hypothesis d; yaw = −d·2π/N", nullable=True),
         Column("n_cells", I16, "slots (imod) or frames (naive) behind it; 0 = not placed"),
@@ -225,11 +231,8 @@ FUSED = TableSpec(
 )
 OBJECTS = TableSpec(
     "objects",
-    ("sequence_id", "method", "object_index"),
+    (*SEQUENCE_KEY, METHOD, Column("object_index", I32, "ordinal by descending score")),
     (
-        *SEQUENCE_KEY,
-        METHOD,
-        Column("object_index", I32, "ordinal by descending score"),
         CLASS_ID,
         Column("score", F32, "largest fused score of the voxel over classes, after all frames"),
         *_columns(F64, False, x_m="mean place of its boxes, x", y_m="y", z_m="z"),
@@ -242,10 +245,8 @@ OBJECTS = TableSpec(
 )
 MATCHES = TableSpec(
     "matches",
-    (*_names(FUSED_KEY), "iou_percent"),
+    (*FUSED_KEY, IOU_PERCENT),
     (
-        *FUSED_KEY,
-        IOU_PERCENT,
         Column("score", F32, "as in fused"),
         Column("outcome", STRING, "true_positive, false_positive, ignored"),
         Column("annotation_index", I32, "the matched annotation", nullable=True),
@@ -254,12 +255,13 @@ MATCHES = TableSpec(
 )
 METRICS = TableSpec(
     "metrics",
-    ("method", "class_id", "iou_percent", "metric"),
     (
         METHOD,
         Column("class_id", I16, f"{MEAN_CLASS_ID} = mean, {BACKGROUND_CLASS_ID} = background"),
         IOU_PERCENT,
         Column("metric", STRING, "ap_voc07_11pt, ap_area, ap_coco, precision, recall, f1, …"),
+    ),
+    (
         Column("class_name", STRING, "class, or mean, or background"),
         Column("value", F64, "the figure; null = no annotation, or no threshold", nullable=True),
         *_columns(I64, False, n_annotations="that count", n_detections="that count"),
@@ -268,24 +270,20 @@ METRICS = TableSpec(
 )
 SWEEPS = TableSpec(
     "sweeps",
-    ("method", "voxel_mm", "metric"),
-    (
-        METHOD,
-        Column("voxel_mm", I32, "voxel edge in millimetres"),
-        Column("metric", STRING, "ap_voc07_11pt, mean over classes"),
-        Column("value", F64, "the figure", nullable=True),
-    ),
+    (METHOD, Column("voxel_mm", I32, "voxel edge in millimetres"), MEAN_AP),
+    (Column("value", F64, "the figure", nullable=True),),
     per_run=True,
 )
 JITTERS = TableSpec(
     "jitters",
-    ("method", "kind", "translation_mm", "rotation_mdeg", "metric"),
     (
         METHOD,
         Column("kind", STRING, "jitter: each frame on its own; drift: a random walk"),
         Column("translation_mm", I32, "RMS shift of a camera; of drift, in the last frame"),
         Column("rotation_mdeg", I32, "RMS turn of a camera in thousandths of a degree; likewise"),
-        Column("metric", STRING, "ap_voc07_11pt, mean over classes"),
+        MEAN_AP,
+    ),
+    (
         Column("value", F64, "the figure, mean over repeats", nullable=True),
         Column("spread", F64, "its standard deviation over repeats; null = one", nullable=True),
         Column("n_repeats", I32, "draws of the noise"),
@@ -294,10 +292,8 @@ JITTERS = TableSpec(
 )
 LOSSES = TableSpec(
     "losses",
-    ("class_id", "cause"),
+    (CLASS_ID, Column("cause", STRING, "what holds fusion back: see `core.diagnosis`")),
     (
-        CLASS_ID,
-        Column("cause", STRING, "what holds fusion back: see `core.diagnosis`"),
         Column("value", F64, "share or metres", nullable=True),
         Column("n", I64, "cases behind the value"),
     ),
@@ -307,19 +303,7 @@ LOSSES = TableSpec(
 TABLES = {
     spec.name: spec
     for spec in (
-        FRAMES,
-        ANNOTATIONS,
-        POSES,
-        POSE_QUALITY,
-        REFERENCE_POSES,
-        DETECTIONS,
-        OBSERVATIONS,
-        FUSED,
-        OBJECTS,
-        MATCHES,
-        METRICS,
-        SWEEPS,
-        JITTERS,
-        LOSSES,
+        *(FRAMES, ANNOTATIONS, POSES, POSE_QUALITY, REFERENCE_POSES, DETECTIONS, OBSERVATIONS),
+        *(FUSED, OBJECTS, MATCHES, METRICS, SWEEPS, JITTERS, LOSSES),
     )
 }

@@ -30,13 +30,9 @@ from imodbatch.run.library.tables import (
     table_of,
 )
 from imodbatch.tables.columns import column
-from imodbatch.tables.schemas import DETECTIONS, FUSED, OBSERVATIONS, TableSpec
+from imodbatch.tables.schemas import BOX, DETECTIONS, FUSED, OBSERVATIONS, TableSpec
 
-BOXES = TableSpec(
-    "detections",
-    DETECTIONS.key,
-    tuple(c for c in DETECTIONS.columns if c.name in (*DETECTION_KEY, *BOX_COLUMNS)),
-)
+BOXES = TableSpec("detections", DETECTIONS.key_columns, BOX)
 MOST = 0.5  # of the bins: azimuths were rounded, and one at a bin's border may fall beside it
 
 
