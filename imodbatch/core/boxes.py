@@ -24,9 +24,6 @@ def area(boxes: AnyArray) -> FloatArray:
 
     Returns:
         (n,) areas in square pixels.
-
-    Raises:
-        ValueError: If `boxes` is not (n, 4).
     """
     checked = _as_boxes(boxes)
     sizes = np.maximum(checked[:, 2:] - checked[:, :2], 0.0)
@@ -42,9 +39,6 @@ def iou_matrix(a: AnyArray, b: AnyArray) -> FloatArray:
 
     Returns:
         (A, B) in [0, 1]; a degenerate box gives 0, never NaN.
-
-    Raises:
-        ValueError: If an argument is not (n, 4).
     """
     intersections = _intersections(a, b)
     unions = area(a)[:, None] + area(b)[None, :] - intersections
@@ -63,9 +57,6 @@ def coverage_matrix(a: AnyArray, b: AnyArray) -> FloatArray:
 
     Returns:
         (A, B) intersection over the area of `a`, in [0, 1]; 0 where `a` is degenerate.
-
-    Raises:
-        ValueError: If an argument is not (n, 4).
     """
     return _ratio(_intersections(a, b), area(a)[:, None])
 
@@ -80,9 +71,6 @@ def clip(boxes: AnyArray, width_px: float, height_px: float) -> FloatArray:
 
     Returns:
         (n, 4) new array with x in [0, width_px] and y in [0, height_px].
-
-    Raises:
-        ValueError: If `boxes` is not (n, 4).
     """
     upper = np.array([width_px, height_px, width_px, height_px], dtype=np.float64)
     return np.minimum(np.maximum(_as_boxes(boxes), 0.0), upper)
@@ -110,7 +98,7 @@ def nms_per_category(
         (R, K) True where the RoI survives for that category.
 
     Raises:
-        ValueError: If `boxes` is not (R, 4) or `category_scores` not (R, K).
+        ValueError: If `category_scores` is not (R, K).
     """
     scores = np.asarray(category_scores)
     if scores.ndim != 2 or len(scores) != len(boxes):

@@ -19,7 +19,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.core.frames import matrix_from_quaternion
+from imodbatch.core.frames import exp_twist
 
 Array = NDArray[np.float64]
 Kind = Literal["jitter", "drift"]
@@ -35,15 +35,6 @@ def unit_noise(n_frames: int, kind: Kind, rng: np.random.Generator) -> Array:
     return np.cumsum(draws, axis=0) / np.sqrt(max(n_frames - 1, 1))
 
 
-def rotation_from_vector(vector_rad: Array) -> Array:
-    """Rotations (..., 3, 3) about the directions of (..., 3) vectors by their lengths."""
-    angle = np.linalg.norm(vector_rad, axis=-1, keepdims=True)
-    half_sine_over_angle = 0.5 * np.sinc(angle / (2 * np.pi))
-    return matrix_from_quaternion(
-        np.concatenate([np.cos(angle / 2), half_sine_over_angle * vector_rad], axis=-1)
-    )
-
-
 def carried_along(xyz_world: Array, camera_world: Array, shift_m: Array, turn_rad: Array) -> Array:
     """Where points (n, 3) go when the cameras that saw them are shifted and turned.
 
@@ -53,5 +44,6 @@ def carried_along(xyz_world: Array, camera_world: Array, shift_m: Array, turn_ra
         shift_m: (n, 3) of the camera.
         turn_rad: (n, 3) rotation vectors, about axes of the world.
     """
-    change = rotation_from_vector(turn_rad) - np.eye(3)  # exactly 0 where nothing is turned
+    turn = exp_twist(np.concatenate([np.zeros_like(turn_rad), turn_rad], axis=-1))
+    change = turn[..., :3, :3] - np.eye(3)  # exactly 0 where nothing is turned
     return xyz_world + np.einsum("nij,nj->ni", change, xyz_world - camera_world) + shift_m

@@ -64,16 +64,10 @@ def ap_voc07_11pt(is_true_positive: AnyArray, n_annotations: int) -> float | Non
     integers, ``10 * found >= t * annotations``: the usual ``recall >= np.arange(0, 1.1, 0.1)`` sets
     3/10 against 0.30000000000000004 and so loses a point at recalls 3/10, 6/10 and 7/10.
 
-    Args:
-        is_true_positive: (D,) bool, ranked, without ignored detections.
-        n_annotations: Annotations to be found, without ignored ones.
+    Arguments and errors are those of `precision_recall`.
 
     Returns:
         Average precision in [0, 1]; None (there is no such thing) without annotations.
-
-    Raises:
-        TypeError: If `is_true_positive` is not boolean.
-        ValueError: If more annotations are found than there are.
     """
     n_found = _found_so_far(is_true_positive, n_annotations)
     if n_annotations == 0:

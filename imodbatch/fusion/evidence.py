@@ -1,8 +1,9 @@
-"""From tables to the arrays that fusion takes: what `fuse` and `refusion` share."""
+"""From tables to the arrays that fusion takes: what `fuse` and fusing again in `scoring` share."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
+from typing import get_args
 
 import numpy as np
 import pyarrow as pa
@@ -26,25 +27,13 @@ from imodbatch.tables.columns import column, stacked, view_scores_of
 OFFLINE_SUFFIX = "_offline"
 
 
-@dataclass(frozen=True)
-class Variant:
-    """A fusion rule in a mode, and the name it has in the METHOD columns."""
-
-    name: str
-    method: Method
-    mode: Mode
-
-
-def variants(config: FuseConfig) -> list[Variant]:
+def variants(config: FuseConfig) -> dict[str, tuple[Method, Mode]]:
     """The METHOD names that a configuration gives; single view has no modes."""
     modes: tuple[Mode, ...] = ("online", "offline") if config.mode == "both" else (config.mode,)
-    found = []
+    found: dict[str, tuple[Method, Mode]] = {}
     for mode, method in product(modes, config.methods):
-        if method == "single":
-            if mode == modes[0]:
-                found.append(Variant(method, method, mode))
-            continue
-        found.append(Variant(method + (OFFLINE_SUFFIX if mode == "offline" else ""), method, mode))
+        is_offline = mode == "offline" and method != "single"
+        found.setdefault(method + (OFFLINE_SUFFIX if is_offline else ""), (method, mode))
     return found
 
 
@@ -102,49 +91,42 @@ def sightings_of(
     )
 
 
-def fuse_variants(sightings: Sightings, config: FuseConfig) -> dict[str, FusedScores]:
-    """Scores of the placed boxes under every method and mode of a configuration."""
-    found: dict[str, FusedScores] = {}
-    for method in config.methods:
-        of_method = [variant for variant in variants(config) if variant.method == method]
-        by_mode = fuse_modes(
-            sightings,
-            method,
-            [variant.mode for variant in of_method],
-            config.cell_reduce,
-            config.probability_floor,
+def fuse_methods(sightings: Sightings, config: FuseConfig) -> dict[Method, dict[Mode, FusedScores]]:
+    """Scores of the placed boxes under every method of a configuration, in both modes."""
+    return {
+        method: fuse_modes(
+            sightings, method, get_args(Mode), config.cell_reduce, config.probability_floor
         )
-        found |= {variant.name: by_mode[variant.mode] for variant in of_method}
-    return {variant.name: found[variant.name] for variant in variants(config)}
+        for method in config.methods
+    }
 
 
-def stand_aside(
-    fused: Mapping[str, FusedScores],
+def taken(
+    fused: Mapping[Method, Mapping[Mode, FusedScores]],
     sightings: Sightings,
     survives: NDArray[np.bool_],
     config: FuseConfig,
 ) -> dict[str, FusedScores]:
-    """Leave a voxel's score to one box per frame and class, if `config.takers` says so.
+    """What boxes take of their voxels' scores: all, or one per voxel, frame and class.
 
     Args:
-        fused: of `fuse_variants`.
+        fused: of `fuse_methods`.
         sightings: the placed boxes, V of them.
         survives: (V, K) classes that each box is a candidate for.
         config: says who takes the score.
 
     Returns:
-        The same, with the other candidates scored as if nothing had been seen.
+        METHOD name → scores; those who stand aside are scored as if nothing had been seen.
     """
+    found = {name: fused[method][mode] for name, (method, mode) in variants(config).items()}
     if config.takers == "all":
-        return dict(fused)
+        return found
     stands = best_of_moment(sightings, survives)
-    found = {}
-    for variant in variants(config):
-        result = fused[variant.name]
-        if variant.method != "single":
-            absent = absent_score(variant.method, result.n_cells, config.probability_floor)
-            result = replace(result, score=np.where(stands, result.score, absent))
-        found[variant.name] = result
+    for name, (method, _) in variants(config).items():
+        if method != "single":
+            absent = absent_score(method, found[name].n_cells, config.probability_floor)
+            score = np.where(stands, found[name].score, absent)
+            found[name] = replace(found[name], score=score)
     return found
 
 

@@ -6,17 +6,16 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from imodbatch.core.fusion import FusedScores, Method, Sightings, fuse
+from imodbatch.core.fusion import FusedScores, Method, Sightings
 from imodbatch.core.viewpoint import yaw_from_pose_bin
 from imodbatch.fusion.evidence import (
-    OFFLINE_SUFFIX,
     everywhere,
-    fuse_variants,
+    fuse_methods,
     places_of,
     shaped_scores,
     sightings_of,
-    stand_aside,
     survival,
+    taken,
     voxels_of,
 )
 from imodbatch.settings.config import FuseConfig, ViewpointConfig
@@ -47,17 +46,12 @@ def run(
     sightings = sightings_of(seen, scores[placed], voxels_of(seen), moments)
     survives = survival(detections, n_classes)
     box, class_id = np.nonzero(survives)
-    fused = fuse_variants(sightings, config)
+    fused = fuse_methods(sightings, config)
     parts = [
         _fused_rows(name, detections, box, class_id, everywhere(result, placed, scores))
-        for name, result in stand_aside(fused, sightings, survives[placed], config).items()
+        for name, result in taken(fused, sightings, survives[placed], config).items()
     ]
-    final: dict[Method, FusedScores] = {
-        method: fused.get(method + OFFLINE_SUFFIX)
-        or fuse(sightings, method, "offline", config.cell_reduce, config.probability_floor)
-        for method in config.methods
-        if method != "single"
-    }
+    final = {method: of["offline"] for method, of in fused.items() if method != "single"}
     objects = _objects(frames, detections.take(placed), seen, sightings, final)
     table = pa.concat_tables(parts) if parts else empty(FUSED)
     n_voxels = len(np.unique(sightings.voxel))

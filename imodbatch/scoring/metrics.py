@@ -5,7 +5,8 @@ those of the background per pixel.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,9 @@ def run(
     Raises:
         ConfigError: `threshold_sequences` names a sequence that the run does not have, or all.
     """
-    ground = _Ground.of(frames, annotations, detections, classes, config)
+    tuning = config.threshold_sequences
+    ground = _Ground(frames, annotations, detections, len(classes), tuning)
+    _check_tuning(tuning, ground.sequence_ids.to_pylist())
     by_key = [(name, "ascending") for name in DETECTIONS.key]
     matches = matches.sort_by([("score", "descending"), *by_key])
     rows: list[dict[str, Any]] = []
@@ -82,19 +85,15 @@ def run(
         of_method = matches.filter(pc.equal(matches["method"], method))
         for iou_percent in matching.iou_percents:
             found = of_method.filter(pc.equal(of_method["iou_percent"], iou_percent))
-            figures = _Figures(method, iou_percent, classes)
+            figures = _Figures(rows, method, iou_percent, classes)
             _add_average_precisions(figures, ground, found, config)
             _add_operating_points(figures, ground, found, config)
-            rows += figures.rows
         if "ap_coco" in config.names:
             first = of_method.filter(pc.equal(of_method["iou_percent"], matching.iou_percents[0]))
-            figures = _Figures(method, SEVERAL_IOUS, classes)
-            figures.add_classes_and_mean(
-                "ap_coco",
-                _over_several_ious(ground, first, coco_ap),
-                Counts.of(ground.scored(first), ground.n_annotations.sum(axis=1)),
-            )
-            rows += figures.rows
+            figures = _Figures(rows, method, SEVERAL_IOUS, classes)
+            behind = Counts.of(ground.scored(first), ground.n_annotations.sum(axis=1))
+            values = _over_several_ious(ground, first, coco_ap)
+            figures.add_classes_and_mean("ap_coco", values, behind)
     n_counted = int(ground.n_annotations.sum())
     summary = f"{len(rows):,} metrics from {matches.num_rows:,} matches, "
     summary += f"{n_counted:,} annotations that count"
@@ -109,41 +108,45 @@ def run(
 
 @dataclass(frozen=True)
 class _Ground:
-    """What all methods are held against.
-
-    Attributes:
-        sequence_ids: S of them.
-        n_annotations: (K, S) that count.
-        is_tuned_on: (S,) where thresholds are chosen.
-        is_tested: (S,) where they are judged.
-    """
+    """What all methods are held against: the tables of a run, K classes in S sequences."""
 
     frames: pa.Table
     annotations: pa.Table
     detections: pa.Table
-    sequence_ids: pa.Array
-    n_annotations: Ints
-    is_tuned_on: NDArray[np.bool_]
-    is_tested: NDArray[np.bool_]
+    n_classes: int
+    threshold_sequences: tuple[str, ...]
 
-    @classmethod
-    def of(
-        cls,
-        frames: pa.Table,
-        annotations: pa.Table,
-        detections: pa.Table,
-        classes: Sequence[str],
-        config: MetricsConfig,
-    ) -> "_Ground":
-        """Count the annotations, and part the sequences."""
-        sequence_ids = pc.unique(frames["sequence_id"])
-        counted = annotations.filter(pc.invert(annotations["is_ignored"]))
-        n_annotations = np.zeros((len(classes), len(sequence_ids)), dtype=np.int64)
-        sequence = codes(counted["sequence_id"], sequence_ids)
-        np.add.at(n_annotations, (column(counted, "class_id"), sequence), 1)
-        is_tuned_on, is_tested = _parts(sequence_ids.to_pylist(), config)
-        tables = (frames, annotations, detections)
-        return cls(*tables, sequence_ids, n_annotations, is_tuned_on, is_tested)
+    @cached_property
+    def sequence_ids(self) -> pa.Array:
+        """(S,)."""
+        return pc.unique(self.frames["sequence_id"])
+
+    @cached_property
+    def n_annotations(self) -> Ints:
+        """(K, S) that count."""
+        counted = self.annotations.filter(pc.invert(self.annotations["is_ignored"]))
+        found = np.zeros((self.n_classes, len(self.sequence_ids)), dtype=np.int64)
+        np.add.at(found, (column(counted, "class_id"), self.sequence_of(counted)), 1)
+        return found
+
+    @cached_property
+    def is_tuned_on(self) -> NDArray[np.bool_]:
+        """(S,) where thresholds are chosen: in the sequences named for it, else in all."""
+        names = self.threshold_sequences or self.sequence_ids.to_pylist()
+        return np.isin(self.sequence_ids.to_pylist(), names)
+
+    @property
+    def is_tested(self) -> NDArray[np.bool_]:
+        """(S,) where they are judged: in the others, else in all."""
+        return ~self.is_tuned_on if self.threshold_sequences else self.is_tuned_on
+
+    def sequence_of(self, table: pa.Table) -> Ints:
+        """(n,) ordinal of each row's sequence."""
+        return codes(table["sequence_id"], self.sequence_ids)
+
+    def tested(self, table: pa.Table) -> pa.Table:
+        """The rows of sequences where thresholds are judged."""
+        return table.filter(pa.array(self.is_tested[self.sequence_of(table)]))
 
     def scored(self, matches: pa.Table) -> ScoredBoxes:
         """The boxes of one method at one IoU, best first; those given are in rank order."""
@@ -151,38 +154,27 @@ class _Ground:
             column(matches, "score").astype(np.float64),
             codes(matches["outcome"], OUTCOME_NAMES),
             column(matches, "class_id").astype(np.int64),
-            codes(matches["sequence_id"], self.sequence_ids),
-        )
-
-    def tested(self, table: pa.Table) -> pa.Table:
-        """The rows of sequences where thresholds are judged."""
-        return table.filter(
-            pa.array(self.is_tested[codes(table["sequence_id"], self.sequence_ids)])
+            self.sequence_of(matches),
         )
 
 
-def _parts(known: list[str], config: MetricsConfig) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Sequences (S,) to tune thresholds on, and those to judge them on; all for both by default."""
-    tuning = set(config.threshold_sequences)
-    is_tuned_on = np.isin(known, sorted(tuning)) if tuning else np.ones(len(known), dtype=np.bool_)
-    if not tuning:
-        return is_tuned_on, is_tuned_on
-    if not tuning <= set(known) or is_tuned_on.all():
+def _check_tuning(threshold_sequences: tuple[str, ...], known: list[str]) -> None:
+    tuning = set(threshold_sequences)
+    if tuning and not tuning < set(known):
         raise ConfigError(
             f"metrics.threshold_sequences {sorted(tuning)}: expected some, not all, of the run's "
             f"sequences {sorted(known)}."
         )
-    return is_tuned_on, ~is_tuned_on
 
 
 @dataclass(frozen=True)
 class _Figures:
-    """Rows of the metrics table for one method and IoU."""
+    """Adds to the rows of the metrics table those of one method and IoU."""
 
+    rows: list[dict[str, Any]]
     method: str
     iou_percent: int
     classes: Sequence[str]
-    rows: list[dict[str, Any]] = field(default_factory=list)
 
     def add(self, metric: str, class_id: int, value: float, n_true: int, n_found: int) -> None:
         """One figure; NaN becomes null."""
@@ -250,7 +242,7 @@ def _add_operating_points(
     figures.add_classes_and_mean("recall", point.recall, behind)
     figures.add_classes_and_mean("f1", point.f1, behind)
     figures.add_classes("threshold", thresholds, behind)
-    tuned_on_test = float(ground.is_tested is ground.is_tuned_on)
+    tuned_on_test = float(not ground.threshold_sequences)
     figures.add("threshold_tuned_on_test", MEAN_CLASS_ID, tuned_on_test, 0, 0)
 
     reaches = column(found, "score") >= thresholds[column(found, "class_id")]
@@ -269,4 +261,4 @@ def _over_several_ious(ground: _Ground, matches: pa.Table, coco_ap: CocoAp) -> A
     candidates = candidates_of(matches, detections, image_numbers(frames, matches))
     truth = truth_of(annotations, image_numbers(frames, annotations))
     scores = column(matches, "score").astype(np.float64)
-    return coco_ap(candidates, scores, truth, len(ground.n_annotations))
+    return coco_ap(candidates, scores, truth, ground.n_classes)

@@ -23,11 +23,11 @@ from imodbatch.core.trajectory import LOST
 from imodbatch.core.voxels import group_labels, voxel_indices
 from imodbatch.fusion.evidence import (
     everywhere,
-    fuse_variants,
+    fuse_methods,
     places_of,
     shaped_scores,
-    stand_aside,
     survival,
+    taken,
     voxels_of,
 )
 from imodbatch.settings.config import Pipeline
@@ -174,15 +174,14 @@ class Evidence:
         )
         box, class_id = self.survivors
         config = self.pipeline.fuse
-        fused = fuse_variants(sightings, config)
-        standing = stand_aside(fused, sightings, self.survives[rows], config)
+        fused = fuse_methods(sightings, config)
         return {
             # rounded as the fused table stores them, so that ties are the same
             name: everywhere(result, rows, self.scores)
             .score[box, class_id]
             .astype(np.float32)
             .astype(np.float64)
-            for name, result in standing.items()
+            for name, result in taken(fused, sightings, self.survives[rows], config).items()
         }
 
     def average_precisions(self, scores: Array, iou_percent: int) -> Array:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from imodbatch.core.disturbance import KINDS, carried_along, rotation_from_vector, unit_noise
-from imodbatch.core.frames import apply, invert, make_transform
+from imodbatch.core.disturbance import KINDS, carried_along, unit_noise
+from imodbatch.core.frames import apply, exp_twist, invert, make_transform
 
 N_FRAMES, N_DRAWS = 40, 4000
 
@@ -41,6 +41,10 @@ def test_drift_starts_at_nothing_and_reaches_its_level_as_a_random_walk():
 @pytest.mark.parametrize("n_frames", [0, 1, 2])
 def test_few_frames_are_no_trouble(kind, n_frames):
     assert unit_noise(n_frames, kind, np.random.default_rng(0)).shape == (n_frames, 3)
+
+
+def rotation_from_vector(vector_rad):
+    return exp_twist(np.concatenate([np.zeros_like(vector_rad), vector_rad], axis=-1))[..., :3, :3]
 
 
 def test_rotations_turn_by_the_length_of_their_vector():
