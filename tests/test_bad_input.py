@@ -562,8 +562,9 @@ def save_tiny_detector(
 ) -> Path:
     """A random network that finds many boxes, none of them right."""
     import torch
+    from architectures import LIGHT
 
-    from imodbatch.detection.card import LIGHT, DetectorCard
+    from imodbatch.detection.card import DetectorCard
     from imodbatch.detection.checkpoint import save_checkpoint
     from imodbatch.detection.network import build_detector
 

@@ -16,7 +16,7 @@ from imodbatch.core.errors import ImodError
 from imodbatch.datasets.annotations import read_entries as annotated_boxes
 from imodbatch.datasets.annotations.entries import Entry
 from imodbatch.datasets.base import Footage
-from imodbatch.settings.config import did_you_mean
+from imodbatch.settings.toml import did_you_mean
 
 Array = NDArray[np.float64]
 OUTSIDE_PX = 2.0

@@ -35,7 +35,8 @@ from imodbatch.core.depth import DepthImage
 from imodbatch.core.errors import ImodError
 from imodbatch.datasets.annotations.entries import Entry
 from imodbatch.poses.rgbd.motion import motion_between
-from imodbatch.settings.manifest import AnnotationsSection, Manifest, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import AnnotationsSection
 
 Progress = Callable[[Iterable[Any], str], Iterable[Any]]
 N_FRAMES = 40

@@ -16,7 +16,7 @@ from imodbatch.checkup.units import (
     snapped,
 )
 from imodbatch.datasets.base import NS_PER_MS
-from imodbatch.settings.manifest import OdometrySection
+from imodbatch.settings.sections import OdometrySection
 
 OTHER_CONVENTION = {"world_from_cam": "cam_from_world", "cam_from_world": "world_from_cam"}
 OTHER_ORDER = {"xyzw": "wxyz", "wxyz": "xyzw"}

@@ -13,7 +13,8 @@ from imodbatch.datasets.base import CameraModel, FrameFile, Odometry
 from imodbatch.datasets.registry import annotated, camera_model, layout_of
 from imodbatch.poses.association import from_odometry
 from imodbatch.settings.config import PosesConfig
-from imodbatch.settings.manifest import Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import OdometrySection
 
 Array = NDArray[np.float64]
 

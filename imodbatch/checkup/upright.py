@@ -8,7 +8,7 @@ from imodbatch.checkup.views import View
 from imodbatch.core.errors import DataError
 from imodbatch.poses.levelling import MAX_DEPTH_M, estimate_up
 from imodbatch.poses.levelling.up import Up
-from imodbatch.settings.manifest import WorldSection
+from imodbatch.settings.sections import WorldSection
 
 Array = NDArray[np.float64]
 MOST_VIEWS = 12

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import click
 
+from imodbatch.cli.options import warn_of_stale_inputs
+
 
 @click.command()
 @click.argument(
@@ -54,9 +56,7 @@ def compare(sources: tuple[Path, ...], table: str, resamples: int, out: Path | N
 def _run_folders(sources: tuple[Path, ...]) -> list[Path]:
     """The run folders meant: as named, or where `run` puts those of a manifest and a pipeline."""
     from imodbatch.core.errors import ConfigError
-    from imodbatch.run.context import Context
-    from imodbatch.run.runner import Plan, default_run_dir, stale_inputs
-    from imodbatch.settings.config import load_pipeline
+    from imodbatch.run.plan import default_run_dir, make_plan
     from imodbatch.settings.manifest import load_manifest
 
     if sources[0].is_dir():
@@ -72,22 +72,14 @@ def _run_folders(sources: tuple[Path, ...]) -> list[Path]:
         if source.is_dir():
             folders.append(source)
             continue
-        file = manifest.pipeline_file(source)
-        pipeline = load_pipeline(file)
-        folder = default_run_dir(manifest.name, file)
+        folder = default_run_dir(manifest.name, manifest.pipeline_file(source))
+        plan = make_plan(manifest, source, folder)
         if not folder.is_dir():
             raise ConfigError(
                 f"{folder}: no such run. Make it with `imodbatch run {sources[0]} "
                 f"--pipeline {source}`."
             )
-        context = Context(manifest, pipeline, folder)
-        stale = stale_inputs(Plan(context, manifest.sequences), "report")
-        if stale:
-            click.echo(
-                f"imodbatch: warning: {folder}: {', '.join(stale)} no longer fit the settings or "
-                "files; `imodbatch run` brings all up to date.",
-                err=True,
-            )
+        warn_of_stale_inputs(plan, "report", where=f"{folder}: ")
         folders.append(folder)
     if not folders:
         raise ConfigError(f"{sources[0]}: names no run. Add pipeline files or run folders.")

@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from imodbatch.cli.options import MANIFEST, SEQUENCES
+
 if TYPE_CHECKING:
     from imodbatch.checkup.examine import Examined
     from imodbatch.checkup.finding import Outcome
 
 
 @click.command()
-@click.argument("manifest", type=click.Path(path_type=Path))
-@click.option("--sequence", "sequences", multiple=True, metavar="ID", help="Only this sequence.")
+@MANIFEST
+@SEQUENCES
 @click.option(
     "--frames",
     "n_frames",

@@ -38,11 +38,12 @@ class PluggedGroup(click.Group):
         return None if entry is None else _load(entry)
 
 
-def make_data(group: click.Group, manifest: "Manifest", n_workers: int) -> None:
+def make_data(manifest: "Manifest", n_workers: int) -> None:
     """Let `simulate` make the data of a manifest that says how; it leaves whole data as they are.
 
+    It is looked for among the commands that the one in progress belongs to.
+
     Args:
-        group: that `simulate` joins.
         manifest: with or without ``[simulate]``.
         n_workers: worlds at a time; two at least where there are two processors.
 
@@ -52,7 +53,8 @@ def make_data(group: click.Group, manifest: "Manifest", n_workers: int) -> None:
     if manifest.simulate is None:
         return
     root = click.get_current_context().find_root()
-    simulate = group.get_command(root, "simulate")
+    group = root.command
+    simulate = group.get_command(root, "simulate") if isinstance(group, click.Group) else None
     if simulate is None or isinstance(simulate, _Broken):
         if manifest.root_path.is_dir():
             return

@@ -10,7 +10,8 @@ from imodbatch.datasets.base import NS_PER_MS, NS_PER_S, CameraModel, FrameFile,
 from imodbatch.datasets.layout import Layout, frame_file, registered
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.text import read_lines
-from imodbatch.settings.manifest import ImagesSection, Manifest, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import ImagesSection
 
 
 def _frames(manifest: Manifest, sequence: SequenceSection) -> list[FrameFile]:

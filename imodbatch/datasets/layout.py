@@ -10,13 +10,8 @@ from imodbatch.core.errors import ConfigError
 from imodbatch.datasets.base import CameraModel, FrameFile, Odometry
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.trajectories import read_odometry, trajectory_files
-from imodbatch.settings.manifest import (
-    AnnotationsSection,
-    ImagesSection,
-    Manifest,
-    OdometrySection,
-    SequenceSection,
-)
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import AnnotationsSection, ImagesSection, OdometrySection
 
 T = TypeVar("T")
 OfSequence = Callable[[Manifest, SequenceSection], T]

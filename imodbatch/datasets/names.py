@@ -15,8 +15,8 @@ from typing import Any
 from imodbatch.core.errors import ConfigError, DataError
 from imodbatch.datasets.base import Footage
 from imodbatch.datasets.coco import CocoFile, JsonId
-from imodbatch.settings.config import did_you_mean
 from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.toml import did_you_mean
 
 OTHER_FRAMES = "other frames"
 """Reason: an image of another sequence, or outside the manifest's slice."""

@@ -17,8 +17,8 @@ from imodbatch.datasets import (
 )
 from imodbatch.datasets.base import CameraModel
 from imodbatch.datasets.layout import Layout
-from imodbatch.settings.config import did_you_mean
 from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.toml import did_you_mean
 
 LAYOUTS: dict[str, Layout] = {
     "folder": folder.LAYOUT,

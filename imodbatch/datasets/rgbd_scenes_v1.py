@@ -9,12 +9,8 @@ from imodbatch.datasets.base import FrameFile
 from imodbatch.datasets.layout import Layout, paired_frames
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.uw_kinect import cameras
-from imodbatch.settings.manifest import (
-    AnnotationsSection,
-    Manifest,
-    OdometrySection,
-    SequenceSection,
-)
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import AnnotationsSection, OdometrySection
 
 ALIGNED = "rgbd-scenes_aligned"
 

@@ -8,7 +8,8 @@ from imodbatch.datasets.base import FrameFile
 from imodbatch.datasets.layout import Layout, always, paired_frames
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.uw_kinect import cameras
-from imodbatch.settings.manifest import Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import OdometrySection
 
 IMAGES = "imgs"
 POSES = OdometrySection(format="uw", path="pc/{number}.pose")

@@ -20,16 +20,15 @@ from imodbatch.datasets import folder
 from imodbatch.datasets.base import CameraModel, FrameFile
 from imodbatch.datasets.layout import Layout, always, registered
 from imodbatch.datasets.patterns import PathPattern
-from imodbatch.settings.config import validate
-from imodbatch.settings.manifest import (
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import (
     AnnotationsSection,
     ImagesSection,
     Intrinsics,
-    Manifest,
     OdometrySection,
     ReferenceSection,
-    SequenceSection,
 )
+from imodbatch.settings.toml import validate
 
 CAMERA_FILE = "camera.json"
 COLOR = ("color/{frame}.jpg", "color/{frame}.png")

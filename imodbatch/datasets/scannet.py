@@ -18,7 +18,8 @@ from imodbatch.datasets.images import UnreadableImageError, probe
 from imodbatch.datasets.layout import Layout, always, paired_frames
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.text import read_numbers
-from imodbatch.settings.manifest import Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import OdometrySection
 
 POSES = OdometrySection(format="matrix", path="pose/{frame}.txt")
 DEPTH = PathPattern("depth/{frame}.png")

@@ -9,7 +9,8 @@ from imodbatch.core.camera import PinholeCamera
 from imodbatch.datasets.base import CameraModel, FrameFile
 from imodbatch.datasets.layout import Layout, always, paired_frames
 from imodbatch.datasets.patterns import PathPattern
-from imodbatch.settings.manifest import Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import OdometrySection
 
 POSES = OdometrySection(format="matrix", path="frame-{frame}.pose.txt", camera="depth")
 DEPTH = PathPattern("frame-{frame}.depth.png")

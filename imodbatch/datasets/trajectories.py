@@ -18,8 +18,9 @@ from imodbatch.core.frames import is_rigid, make_transform, matrix_from_quaterni
 from imodbatch.datasets.base import NS_PER_MS, NS_PER_S, FrameFile, Odometry, nanoseconds
 from imodbatch.datasets.patterns import PathPattern
 from imodbatch.datasets.text import number, read_lines, read_numbers, read_rows
-from imodbatch.settings.config import did_you_mean
-from imodbatch.settings.manifest import Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import OdometrySection
+from imodbatch.settings.toml import did_you_mean
 
 Array = NDArray[np.float64]
 NO_STAMP = np.iinfo(np.int64).min // 2  # stands where a stamp is missing; its pose is NaN

@@ -22,7 +22,8 @@ from imodbatch.core.trajectory import associate
 from imodbatch.datasets.base import NS_PER_MS, CameraModel, FrameFile, nanoseconds
 from imodbatch.datasets.layout import Layout, always, registered
 from imodbatch.datasets.text import read_rows
-from imodbatch.settings.manifest import ImagesSection, Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import ImagesSection, OdometrySection
 
 COLOR_LIST, DEPTH_LIST = "rgb.txt", "depth.txt"
 TRUE_POSES = OdometrySection(format="tum", path="{sequence}/groundtruth.txt")

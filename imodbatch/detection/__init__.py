@@ -2,8 +2,8 @@
 
 Where to read, in order:
 
-- `card`: what a checkpoint is (JSON beside the weights), the order of the score columns. No torch.
-- `detections`: what the detector returns for one image. No torch.
+- `card`: what a detector is, and the order of the score columns. No torch.
+- `files`: the weights and the card of a checkpoint, found and read. No torch.
 - `backbone`, `heads`, `network`: the network, from torchvision's parts.
 - `checkpoint`: float16 safetensors in and out.
 - `folding`, `inference`: `load_detector` and the `Detector` that a stage calls.

@@ -12,13 +12,8 @@ from safetensors.torch import load, save
 from torch import Tensor, nn
 
 from imodbatch.core.errors import ConfigError, one_line
-from imodbatch.detection.card import (
-    Checkpoint,
-    DetectorCard,
-    card_path,
-    read_checkpoint,
-    write_card,
-)
+from imodbatch.detection.card import DetectorCard
+from imodbatch.detection.files import Checkpoint, card_path, read_checkpoint, write_card
 from imodbatch.detection.network import MultiViewFasterRCNN, build_detector
 from imodbatch.tables.atomic import write_bytes
 

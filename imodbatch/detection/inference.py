@@ -15,8 +15,9 @@ from torch import Tensor
 
 from imodbatch.core.detections import Detections
 from imodbatch.core.errors import ConfigError
-from imodbatch.detection.card import Checkpoint, DetectorCard, read_checkpoint
+from imodbatch.detection.card import DetectorCard
 from imodbatch.detection.checkpoint import make_network
+from imodbatch.detection.files import Checkpoint, read_checkpoint
 from imodbatch.detection.folding import fold_batch_norm
 from imodbatch.detection.network import MultiViewFasterRCNN, ScoredRois
 

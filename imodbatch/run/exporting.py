@@ -7,8 +7,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from imodbatch.core.trajectory import LOST
-from imodbatch.run import runner
-from imodbatch.run.runner import Plan
+from imodbatch.run.plan import Plan
+from imodbatch.run.stored import load
 from imodbatch.tables.atomic import write_text
 from imodbatch.tables.columns import column, tally
 
@@ -26,10 +26,9 @@ def export_tum(plan: Plan, folder: Path) -> Iterator[str]:
     Raises:
         TableError: the poses are not there yet.
     """
-    tables = []
-    for sequence in plan.sequences:
-        alone = plan.choose([sequence.id])
-        tables.append((sequence.id, runner.load(alone, "frames"), runner.load(alone, "poses")))
+    tables = [
+        (alone.sequence.id, load(alone, "frames"), load(alone, "poses")) for alone in plan.each()
+    ]
     folder.mkdir(parents=True, exist_ok=True)
     for sequence_id, frames, poses in tables:
         write_text(folder / f"{sequence_id}.txt", tum_text(frames, poses))

@@ -20,33 +20,27 @@ from imodbatch.poses import association as poses
 from imodbatch.poses import quality as pose_quality
 from imodbatch.poses.levelling.up import Up
 from imodbatch.poses.rgbd import RgbdFrames
-from imodbatch.run.context import Context, camera_of
-from imodbatch.settings.manifest import SequenceSection
+from imodbatch.run.plan import Plan, camera_of
+from imodbatch.run.step import Tables, sections
 from imodbatch.tables.columns import Progress, StageResult, column
 from imodbatch.tables.parquet import attributes_of
 
-Tables = dict[str, pa.Table]
 
-
-def pose_step(
-    context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
-) -> StageResult:
+def pose_step(part: Plan, tables: Tables, progress: Progress[Any]) -> StageResult:
     """Poses of a sequence from where the pipeline says, upright."""
-    manifest, frames = context.manifest, tables["frames"]
-    source = context.pipeline.poses.source
-    trajectory = TRAJECTORY_SOURCES[source](context, sequence, frames, progress)
+    manifest, frames = part.manifest, tables["frames"]
+    source = part.pipeline.poses.source
+    trajectory = TRAJECTORY_SOURCES[source](part, frames, progress)
     world, how = manifest.world, "up as given"
     up: ArrayLike | None = world.direction() if source == "odometry" else world.first_camera_up
     if up is None:
-        found = estimate_up(context, frames, trajectory.poses.world_from_cam, progress)
+        found = estimate_up(part, frames, trajectory.poses.world_from_cam, progress)
         up, how = found.direction, str(found)
         trajectory = replace(trajectory, figures={**trajectory.figures, **found.figures()})
     return poses.run(frames, trajectory, up, how)
 
 
-def quality_step(
-    context: Context, sequence: SequenceSection, tables: Tables, progress: Progress[Any]
-) -> StageResult:
+def quality_step(part: Plan, tables: Tables, progress: Progress[Any]) -> StageResult:
     """How good the poses of a sequence are; here only are true poses read."""
     del progress
     frames = tables["frames"]
@@ -59,29 +53,27 @@ def quality_step(
         frames,
         tables["poses"],
         attributes_of(tables["poses"])["figures"],
-        _reference(context, sequence, frames),
-        rgbd_frames(context, frames),
+        _reference(part, frames),
+        rgbd_frames(part, frames),
         checks,
-        context.pipeline.pose_quality,
+        part.pipeline.pose_quality,
     )
 
 
-def _reference(
-    context: Context, sequence: SequenceSection, frames: pa.Table
-) -> pose_quality.Reference | None:
+def _reference(part: Plan, frames: pa.Table) -> pose_quality.Reference | None:
     """True poses; their up is known where `[reference]`, or else `[world]`, says so."""
-    manifest = context.manifest
+    manifest = part.manifest
     try:
-        true = layout_of(manifest).reference(manifest, sequence)
+        true = layout_of(manifest).reference(manifest, part.sequence)
         if true is None:
             return None
-        of_frames = poses.from_odometry(frames, true, context.pipeline.poses).poses
+        of_frames = poses.from_odometry(frames, true, part.pipeline.poses).poses
     except DataError as error:
         raise DataError(f"[reference] {error}") from None
     section = manifest.reference
     up = manifest.world.direction() if section is None else section.up_direction()
-    is_judged = context.pipeline.poses.source == "odometry" and _is_same(
-        _from_odometry(context, sequence, frames, iter).poses, of_frames
+    is_judged = part.pipeline.poses.source == "odometry" and _is_same(
+        _from_odometry(part, frames, iter).poses, of_frames
     )
     return pose_quality.Reference(of_frames, up, is_judged)
 
@@ -93,7 +85,7 @@ def _is_same(judged: FramePoses, true: FramePoses) -> bool:
 
 
 def estimate_up(
-    context: Context,
+    part: Plan,
     frames: pa.Table,
     world_from_cam: NDArray[np.float64],
     progress: Progress[Any],
@@ -101,52 +93,44 @@ def estimate_up(
     """Up in the world of the poses (F, 4, 4), from the depth of some frames that have a pose."""
     from imodbatch.poses.levelling.images import up_of_frames
 
-    config = context.pipeline.poses
+    config = part.pipeline.poses
     has_depth = np.asarray(frames["depth_path"].is_valid())
     setting = "world.up" if config.source == "odometry" else "world.first_camera_up"
-    images = rgbd_frames(context, frames)
+    images = rgbd_frames(part, frames)
     return up_of_frames(
         images, world_from_cam, has_depth, config.levelling_frames, setting, progress
     )
 
 
-def _from_odometry(
-    context: Context, sequence: SequenceSection, frames: pa.Table, progress: Progress[Any]
-) -> Trajectory:
+def _from_odometry(part: Plan, frames: pa.Table, progress: Progress[Any]) -> Trajectory:
     del progress
-    odometry = layout_of(context.manifest).odometry(context.manifest, sequence)
-    return poses.from_odometry(frames, odometry, context.pipeline.poses)
+    odometry = layout_of(part.manifest).odometry(part.manifest, part.sequence)
+    return poses.from_odometry(frames, odometry, part.pipeline.poses)
 
 
-def _from_slam(
-    context: Context, sequence: SequenceSection, frames: pa.Table, progress: Progress[Any]
-) -> Trajectory:
+def _from_slam(part: Plan, frames: pa.Table, progress: Progress[Any]) -> Trajectory:
     from imodbatch.poses import slam
 
-    del sequence
-    return slam.estimate(rgbd_frames(context, frames), context.pipeline.slam, progress)
+    return slam.estimate(rgbd_frames(part, frames), part.pipeline.slam, progress)
 
 
-def _from_sfm(
-    context: Context, sequence: SequenceSection, frames: pa.Table, progress: Progress[Any]
-) -> Trajectory:
+def _from_sfm(part: Plan, frames: pa.Table, progress: Progress[Any]) -> Trajectory:
     from imodbatch.poses import sfm
 
-    workspace = context.run_dir / "sfm" / sequence.id
-    pipeline = context.pipeline
-    return sfm.estimate(rgbd_frames(context, frames), workspace, pipeline.sfm, progress)
+    workspace = part.run_dir / "sfm" / part.sequence.id
+    return sfm.estimate(rgbd_frames(part, frames), workspace, part.pipeline.sfm, progress)
 
 
 TRAJECTORY_SOURCES = {"odometry": _from_odometry, "slam": _from_slam, "sfm": _from_sfm}
 
 
-def rgbd_frames(context: Context, frames: pa.Table) -> RgbdFrames:
+def rgbd_frames(part: Plan, frames: pa.Table) -> RgbdFrames:
     """The images of a sequence, as the engines take them."""
     rows = frames.to_pylist()
 
     def color(position: int) -> NDArray[np.uint8] | None:
         try:
-            return context.read_color(rows[position]["color_path"])
+            return part.read_color(rows[position]["color_path"])
         except UnreadableImageError:
             return None
 
@@ -154,7 +138,7 @@ def rgbd_frames(context: Context, frames: pa.Table) -> RgbdFrames:
         if rows[position]["depth_path"] is None:
             return None
         try:
-            return context.read_depth(rows[position])
+            return part.read_depth(rows[position])
         except UnreadableImageError:
             return None
 
@@ -163,19 +147,32 @@ def rgbd_frames(context: Context, frames: pa.Table) -> RgbdFrames:
         column(frames, "frame_index").astype(np.int64),
         None if frames["timestamp_ns"].null_count else frames["timestamp_ns"].to_numpy(),
         camera_of(rows[0]),
-        tuple(context.manifest.root_path / row["color_path"] for row in rows),
+        tuple(part.manifest.root_path / row["color_path"] for row in rows),
         color,
         depth,
     )
 
 
-def pose_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
+def pose_files(part: Plan) -> Iterable[Path]:
     """Files that the poses depend on."""
-    manifest, layout = context.manifest, layout_of(context.manifest)
-    is_estimated = context.pipeline.poses.source != "odometry"
-    return (index.image_files if is_estimated else layout.odometry_files)(manifest, sequence)
+    manifest, layout = part.manifest, layout_of(part.manifest)
+    is_estimated = part.pipeline.poses.source != "odometry"
+    return (index.image_files if is_estimated else layout.odometry_files)(manifest, part.sequence)
 
 
-def reference_files(context: Context, sequence: SequenceSection) -> Iterable[Path]:
+def pose_settings(part: Plan) -> dict[str, Any]:
+    """Of the source in use; how frames find poses in a file matters to that source alone."""
+    config = part.pipeline.poses
+    if config.source == "odometry":
+        return sections("poses", "@odometry", "@world", "@camera")(part)
+    own = config.model_dump(include={"source", "levelling_frames"})
+    return {"poses": own, **sections(config.source, "@world", "@camera")(part)}
+
+
+quality_settings = sections("pose_quality", "poses", "@world", "@camera", "@reference")
+"""The reference is a file, whatever the source of the poses."""
+
+
+def reference_files(part: Plan) -> Iterable[Path]:
     """Files of true poses."""
-    return layout_of(context.manifest).reference_files(context.manifest, sequence)
+    return layout_of(part.manifest).reference_files(part.manifest, part.sequence)

@@ -8,9 +8,10 @@ from pathlib import Path
 from imodbatch import __version__
 from imodbatch.reporting import report
 from imodbatch.reporting.run_info import RunInfo
-from imodbatch.run import runner
-from imodbatch.run.runner import Plan
+from imodbatch.run.plan import Plan
+from imodbatch.run.states import states
 from imodbatch.run.steps import STEPS, stages_of
+from imodbatch.run.stored import load
 from imodbatch.tables.schemas import TABLES
 
 REPORT_FOLDER = "report"
@@ -18,34 +19,34 @@ PACKAGES = ("numpy", "pandas", "pyarrow", "torch", "torchvision", "open3d", "fas
 HEAVY_COLUMNS = {"view_scores"}
 
 
-def write_report(plan: Plan, pipeline_name: str) -> Path:
+def write_report(plan: Plan) -> Path:
     """Write the report of a run and return its path.
 
     Raises:
         TableError: a stage has not run yet.
     """
-    stages = stages_of(plan.context)
+    stages = stages_of(plan)
     shown = {name for step in STEPS if step.stage in stages for name in step.writes}
     tables = {
-        name: runner.load(plan, name, [n for n in spec.schema.names if n not in HEAVY_COLUMNS])
+        name: load(plan, name, [n for n in spec.schema.names if n not in HEAVY_COLUMNS])
         for name, spec in TABLES.items()
         if name in shown
     }
-    manifest, pipeline = plan.context.manifest, plan.context.pipeline
+    manifest, pipeline = plan.manifest, plan.pipeline
     info = RunInfo(
         title=manifest.name,
         description=manifest.description,
-        pipeline_name=pipeline_name,
+        pipeline_name=plan.pipeline_name,
         classes=manifest.classes,
         versions=_versions(),
         settings=pipeline.model_dump(mode="json"),
         summaries=tuple(
-            (outcome.title, outcome.label, outcome.message) for outcome in runner.states(plan)
+            (outcome.title, outcome.label, outcome.message) for outcome in states(plan)
         ),
         created=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )
     out_dir = plan.run_dir / REPORT_FOLDER
-    return report.run(info, tables, plan.context.read_color, pipeline.report, out_dir)
+    return report.run(info, tables, plan.read_color, pipeline.report, out_dir)
 
 
 def _versions() -> dict[str, str]:

@@ -252,7 +252,9 @@ def _add_operating_points(
     )
     precision, recall = background_per_pixel(frames, true, detections, kept_rows)
     for metric, value in (("precision", precision), ("recall", recall)):
-        figures.add(metric, BACKGROUND_CLASS_ID, value, behind.n_annotations.sum(), kept_rows.num_rows)
+        figures.add(
+            metric, BACKGROUND_CLASS_ID, value, behind.n_annotations.sum(), kept_rows.num_rows
+        )
 
 
 def _over_several_ious(ground: _Ground, matches: pa.Table, coco_ap: CocoAp) -> Array:

@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 
 from imodbatch.core.errors import ConfigError
-from imodbatch.settings.config import did_you_mean
+from imodbatch.settings.toml import did_you_mean
 
 PACKAGE = Path(str(resources.files("imodbatch")))
 

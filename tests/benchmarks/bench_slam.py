@@ -25,7 +25,7 @@ from imodbatch.libraries.open3d_library import intrinsics, open3d, rgbd_image
 from imodbatch.poses import association as poses
 from imodbatch.poses import slam
 from imodbatch.poses.rgbd import RgbdFrames
-from imodbatch.run.context import Context
+from imodbatch.run.plan import Plan
 from imodbatch.run.posing import rgbd_frames
 from imodbatch.settings.config import Pipeline, SlamConfig
 from imodbatch.settings.manifest import load_manifest
@@ -42,13 +42,13 @@ def main() -> None:
     parser.add_argument("--skip-open3d", action="store_true")
     options = parser.parse_args()
     manifest = load_manifest(options.manifest)
-    context = Context(manifest, Pipeline(), Path("bench"))
+    plan = Plan(manifest, Pipeline(), Path("bench"), manifest.sequences)
     for sequence in manifest.sequences:
         table = index.run(manifest, sequence).tables["frames"].slice(0, options.frames)
         layout = layout_of(manifest)
         reference = layout.reference(manifest, sequence) or layout.odometry(manifest, sequence)
         true = poses.from_odometry(table, reference, Pipeline().poses).poses.world_from_cam
-        frames = in_memory(rgbd_frames(context, table))
+        frames = in_memory(rgbd_frames(plan, table))
         if options.repeat:
             walk(frames, options.repeat)
             continue

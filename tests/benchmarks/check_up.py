@@ -18,7 +18,7 @@ import numpy as np
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.datasets import index
-from imodbatch.run.context import Context
+from imodbatch.run.plan import Plan
 from imodbatch.run.posing import TRAJECTORY_SOURCES, estimate_up
 from imodbatch.settings.config import load_pipeline
 from imodbatch.settings.manifest import load_manifest
@@ -163,7 +163,7 @@ def angle_deg(a: Array, b: Array) -> float:
     return float(np.degrees(2 * np.arcsin(np.clip(0.5 * np.linalg.norm(a - b), 0, 1))))
 
 
-def collect(context: Context, rows: list, world_from_cam: Array) -> Segments:
+def collect(plan: Plan, rows: list, world_from_cam: Array) -> Segments:
     """Segments of frames with poses, spread over the sequence."""
     usable = np.flatnonzero(np.isfinite(world_from_cam[:, 0, 0]))
     picked = np.unique(np.linspace(0, len(usable) - 1, MAX_FRAMES).astype(int))
@@ -171,7 +171,7 @@ def collect(context: Context, rows: list, world_from_cam: Array) -> Segments:
     for position, i in enumerate(usable[picked]):
         names = PinholeCamera.__dataclass_fields__
         camera = PinholeCamera(**{name: rows[i][name] for name in names})
-        found, length = segments_of(context.read_color(rows[i]["color_path"]), camera)
+        found, length = segments_of(plan.read_color(rows[i]["color_path"]), camera)
         normals.append(found @ world_from_cam[i, :3, :3].T)
         lengths.append(length)
         frames.append(np.full(len(length), position))
@@ -181,15 +181,16 @@ def collect(context: Context, rows: list, world_from_cam: Array) -> Segments:
 def main() -> None:
     """Print the directions, and the angles between them, for each sequence."""
     manifest = load_manifest(Path(sys.argv[1]))
-    context = Context(manifest, load_pipeline(None, []), Path())
-    for sequence in manifest.sequences:
+    plan = Plan(manifest, load_pipeline(None, []), Path(), manifest.sequences)
+    for part in plan.each():
+        sequence = part.sequence
         frames = index.run(manifest, sequence, iter).tables["frames"]
-        trajectory = TRAJECTORY_SOURCES["odometry"](context, sequence, frames, iter)
+        trajectory = TRAJECTORY_SOURCES["odometry"](part, frames, iter)
         poses = trajectory.poses.world_from_cam
         start = time.perf_counter()
-        planes = estimate_up(context, frames, poses, iter)
+        planes = estimate_up(part, frames, poses, iter)
         seconds = time.perf_counter() - start
-        segments = collect(context, frames.to_pylist(), poses)
+        segments = collect(part, frames.to_pylist(), poses)
         camera_up = -np.nanmean(poses[:, :3, 1], axis=0)
         edges = edges_of(segments, camera_up / np.linalg.norm(camera_up))
         draws = resampled(segments, edges)

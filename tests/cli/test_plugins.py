@@ -15,9 +15,10 @@ from imodbatch.cli import plugins as cli_plugins
 from imodbatch.cli.main import main
 from imodbatch.core.errors import ConfigError
 from imodbatch.lab.commands import simulate
-from imodbatch.settings.config import validate
-from imodbatch.settings.manifest import Manifest, SimulateSection, load_manifest
+from imodbatch.settings.manifest import Manifest, load_manifest
+from imodbatch.settings.sections import SimulateSection
 from imodbatch.settings.shipped import shipped_folder, shipped_names
+from imodbatch.settings.toml import validate
 
 Plug = Callable[..., None]
 

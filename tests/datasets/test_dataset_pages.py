@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from imodbatch.datasets.registry import LAYOUTS
-from imodbatch.settings.config import validate
 from imodbatch.settings.manifest import Manifest, load_manifest
+from imodbatch.settings.toml import validate
 
 REPOSITORY = Path(__file__).parents[2]
 PAGES = sorted((REPOSITORY / "docs" / "datasets").glob("*.md"))

@@ -7,7 +7,8 @@ from imodbatch.core.errors import ConfigError, DataError, ImodError
 from imodbatch.datasets import folder
 from imodbatch.datasets.patterns import PathPattern, natural_key
 from imodbatch.datasets.registry import camera_model, layout_of
-from imodbatch.settings.manifest import Manifest, ReferenceSection
+from imodbatch.settings.manifest import Manifest
+from imodbatch.settings.sections import ReferenceSection
 
 COLOR = {"width_px": 64, "height_px": 48, "fx_px": 50, "fy_px": 50, "cx_px": 32, "cy_px": 24}
 S = 1_000_000_000

@@ -14,7 +14,8 @@ from imodbatch.datasets import index, seven_scenes
 from imodbatch.datasets.registry import camera_model, layout_of
 from imodbatch.poses import association as poses
 from imodbatch.settings.config import PosesConfig
-from imodbatch.settings.manifest import Manifest, OdometrySection, load_manifest
+from imodbatch.settings.manifest import Manifest, load_manifest
+from imodbatch.settings.sections import OdometrySection
 
 DATA = os.environ.get("IMODBATCH_DATA")
 MANIFESTS = Path(__file__).parents[2] / "manifests"

@@ -10,21 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from architectures import LIGHT
 from numpy.typing import NDArray
 from safetensors.torch import load_file, save_file
 from torch import nn
 
 from imodbatch.core.errors import ConfigError
-from imodbatch.detection.card import (
-    LIGHT,
-    PAPER,
-    Architecture,
-    DetectorCard,
-    read_card,
-    read_checkpoint,
-    write_card,
-)
+from imodbatch.detection.card import DetectorCard
 from imodbatch.detection.checkpoint import load_network, save_checkpoint
+from imodbatch.detection.files import read_card, read_checkpoint, write_card
 from imodbatch.detection.inference import Detector, load_detector, make_detector
 from imodbatch.detection.network import MultiViewFasterRCNN, build_detector
 
@@ -501,7 +495,7 @@ def test_cuda_without_a_gpu(checkpoint: Path) -> None:
 
 
 def test_a_card_survives_its_file(tmp_path: Path) -> None:
-    for architecture in (LIGHT, PAPER, TINY):
+    for architecture in (LIGHT, TINY):
         card = make_card().model_copy(update={"architecture": architecture})
         write_card(card, tmp_path / "card.json")
         assert read_card(tmp_path / "card.json") == card
@@ -586,12 +580,5 @@ def test_a_detector_is_made_of_the_bytes_that_its_digest_names(
 
 
 def test_cards_and_digests_need_no_torch() -> None:
-    code = "import sys, imodbatch.detection.card;sys.exit('torch' in sys.modules)"
+    code = "import sys, imodbatch.detection.files;sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-def test_presets_are_valid_and_differ_in_what_they_are_for() -> None:
-    for preset in (LIGHT, PAPER):
-        assert Architecture.model_validate(preset.model_dump()) == preset
-    assert 4 not in LIGHT.fpn_strides
-    assert PAPER.backbone == "resnet101"

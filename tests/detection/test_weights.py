@@ -10,12 +10,12 @@ from safetensors import safe_open
 
 from imodbatch.core.errors import ConfigError
 from imodbatch.detection import weights
-from imodbatch.detection.card import checkpoint_files, read_card, read_checkpoint
 from imodbatch.detection.checkpoint import load_network, stored_tensors
+from imodbatch.detection.files import checkpoint_files, read_card, read_checkpoint
 from imodbatch.detection.weights import find_weights, shipped_names
 from imodbatch.run import runner
-from imodbatch.run.context import Context
-from imodbatch.run.runner import Plan
+from imodbatch.run.plan import Plan
+from imodbatch.run.provenance import files_digest
 from imodbatch.run.steps import STEPS
 from imodbatch.settings.config import load_pipeline
 from imodbatch.settings.manifest import load_manifest
@@ -139,12 +139,12 @@ def test_other_weights_of_the_same_name_are_another_provenance(
     (tmp_path / "small.toml").write_text(analytic_manifest(analytic_data, "walk_1"))
     manifest = load_manifest(tmp_path / "small.toml")
     pipeline = load_pipeline(None, ["detect.weights=robot17_3x16"])
-    plan = Plan(Context(manifest, pipeline, tmp_path / "run"), manifest.sequences)
+    plan = Plan(manifest, pipeline, tmp_path / "run", manifest.sequences)
     list(runner.run_stage(plan, "index"))
     step = next(step for step in STEPS if step.stage == "detect")
-    before = runner._files_digest(plan, step, plan.sequences)
-    assert runner._files_digest(plan, step, plan.sequences) == before
+    before = files_digest(plan, step)
+    assert files_digest(plan, step) == before
     with (shipped / changed).open("ab") as file:
         file.write(b" ")
     assert read_card(shipped / "robot17_3x16.json").family is not None
-    assert runner._files_digest(plan, step, plan.sequences) != before
+    assert files_digest(plan, step) != before

@@ -12,7 +12,8 @@ from click.testing import Result
 
 from imodbatch.datasets.trajectories import read_odometry
 from imodbatch.run.exporting import tum_text
-from imodbatch.settings.manifest import OdometrySection, load_manifest
+from imodbatch.settings.manifest import load_manifest
+from imodbatch.settings.sections import OdometrySection
 from imodbatch.tables.columns import world_from_cam_of
 from imodbatch.tables.parquet import from_rows, read_table, table_path
 from imodbatch.tables.schemas import FRAMES, POSES

@@ -15,7 +15,8 @@ from click.testing import Result
 
 from imodbatch.cli.main import main
 from imodbatch.run import runner
-from imodbatch.run.steps import STEPS, Step
+from imodbatch.run.step import Step
+from imodbatch.run.steps import STEPS
 from imodbatch.tables import parquet as tables
 from imodbatch.tables.parquet import read_info
 
@@ -517,9 +518,9 @@ def run_and_die_computing(number: int, arguments: list[str]) -> None:
     """Run, and die in a step when it comes to the last sequence."""
     execute = STEPS[number].execute
 
-    def mortal(context: Any, sequence: Any, tables: Any, progress: Any) -> Any:
-        is_last = STEPS[number].per_run or sequence.id == BOTH[-1]
-        return (die if is_last else execute)(context, sequence, tables, progress)
+    def mortal(part: Any, tables: Any, progress: Any) -> Any:
+        is_last = STEPS[number].per_run or part.sequence.id == BOTH[-1]
+        return (die if is_last else execute)(part, tables, progress)
 
     steps = list(STEPS)
     steps[number] = replace(STEPS[number], execute=mortal)

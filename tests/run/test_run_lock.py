@@ -21,6 +21,7 @@ from imodbatch.core.errors import RunLockedError
 from imodbatch.run import runner
 from imodbatch.run.lock import LOCK, OWNER, only_writer
 from imodbatch.run.steps import STAGES
+from imodbatch.run.workers import open_executor
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -79,7 +80,7 @@ def test_a_command_has_the_folder_for_itself_all_along(
     def try_to_enter(*arguments: Any, **_: Any) -> Iterator[Any]:
         with pytest.raises(RunLockedError), only_writer(run_dir):
             pass
-        seen.append(arguments[1])
+        seen.append(arguments)
         return iter(())
 
     monkeypatch.setattr(runner, "run_stage", try_to_enter)
@@ -146,7 +147,7 @@ def test_an_owner_who_has_not_said_who_it_is(run_dir: Path) -> None:
 
 
 def work_with_workers(ready: Connection) -> None:
-    with runner.open_executor(2, None) as executor:
+    with open_executor(2, None) as executor:
         assert executor is not None
         pids = list(executor.map(slow_pid, range(2)))
         ready.send(pids)

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from imodbatch.run.context import Context
+from imodbatch.run.plan import Plan
 from imodbatch.run.steps import STEPS
 from imodbatch.settings.config import Pipeline
 from imodbatch.settings.manifest import load_manifest
@@ -83,9 +83,9 @@ CASES: list[Case] = [
 
 
 def settings_of_steps(pipeline: Pipeline) -> dict[str, Any]:
-    context = Context(load_manifest(MANIFEST), pipeline, Path("run"))
-    (first, *_) = context.manifest.sequences
-    return {name: step.depends_on(context, first) for step in STEPS for name in step.writes}
+    manifest = load_manifest(MANIFEST)
+    part = Plan(manifest, pipeline, Path("run"), manifest.sequences[:1])
+    return {name: step.depends_on(part) for step in STEPS for name in step.writes}
 
 
 def test_every_setting_is_listed() -> None:

@@ -7,14 +7,8 @@ import pytest
 from pydantic import ValidationError
 
 from imodbatch.core.errors import ConfigError
-from imodbatch.settings.config import (
-    MOVED,
-    Pipeline,
-    apply_settings,
-    did_you_mean,
-    load_pipeline,
-    read_toml,
-)
+from imodbatch.settings.config import MOVED, Pipeline, load_pipeline
+from imodbatch.settings.toml import apply_settings, did_you_mean, read_toml
 
 DEFAULT_FILE = Path(__file__).parents[2] / "pipelines" / "default.toml"
 

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.errors import ConfigError
-from imodbatch.settings.config import validate
-from imodbatch.settings.manifest import Manifest, SequenceSection, WorldSection, load_manifest
+from imodbatch.settings.manifest import Manifest, SequenceSection, load_manifest
+from imodbatch.settings.sections import WorldSection
+from imodbatch.settings.toml import validate
 
 MINIMAL = """
 name = "tiny"

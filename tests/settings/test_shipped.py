@@ -7,7 +7,7 @@ import pytest
 from click.testing import Result
 
 from imodbatch.core.errors import ConfigError
-from imodbatch.run.runner import default_run_dir
+from imodbatch.run.plan import default_run_dir
 from imodbatch.settings import shipped
 from imodbatch.settings.manifest import load_manifest
 from imodbatch.settings.shipped import find_shipped, is_name, shipped_folder, shipped_names

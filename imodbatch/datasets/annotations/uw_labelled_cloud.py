@@ -25,7 +25,8 @@ from imodbatch.datasets.labelled_clouds import CloudObject, cluster, read_labell
 from imodbatch.datasets.names import OUTSIDE_IMAGE, ClassNames, existing_file
 from imodbatch.datasets.registry import camera_model, layout_of
 from imodbatch.datasets.trajectories import read_odometry
-from imodbatch.settings.manifest import Manifest, OdometrySection, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import OdometrySection
 
 LABELS = {
     1: "bowl",

@@ -14,7 +14,8 @@ from imodbatch.datasets.base import Footage, FrameFile
 from imodbatch.datasets.detections import coco, table
 from imodbatch.datasets.detections.found import KEY, Grid, ImportedDetections, select
 from imodbatch.datasets.names import existing_file
-from imodbatch.settings.manifest import DetectionsSection, Manifest, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import DetectionsSection
 
 __all__ = ["ImportedDetections", "detection_files", "read_detections"]
 

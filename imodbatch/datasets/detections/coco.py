@@ -23,7 +23,8 @@ from imodbatch.datasets.detections.found import (
     refuse_shared_numbers,
 )
 from imodbatch.datasets.names import UNKNOWN_FRAMES, ClassNames, FrameNames, Place, existing_file
-from imodbatch.settings.manifest import DetectionsSection, Manifest, SequenceSection
+from imodbatch.settings.manifest import Manifest, SequenceSection
+from imodbatch.settings.sections import DetectionsSection
 
 BACKWARDS = "A bbox is x, y, width, height: make the last two positive."
 

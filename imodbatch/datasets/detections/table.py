@@ -33,8 +33,9 @@ from imodbatch.datasets.detections.found import (
     refuse_shared_numbers,
 )
 from imodbatch.datasets.names import ClassNames, FrameNames, Place, missing_file
-from imodbatch.settings.config import did_you_mean
-from imodbatch.settings.manifest import DetectionsSection, Manifest
+from imodbatch.settings.manifest import Manifest
+from imodbatch.settings.sections import DetectionsSection
+from imodbatch.settings.toml import did_you_mean
 
 BOX_COLUMNS = ("x0_px", "y0_px", "x1_px", "y1_px")
 NUMBERED = re.compile(r"view_score_(\d+)")

@@ -6,8 +6,9 @@ from pathlib import Path
 from torch import Tensor
 
 from imodbatch.core.errors import ConfigError
-from imodbatch.detection.card import Family, read_checkpoint, write_card
+from imodbatch.detection.card import Family
 from imodbatch.detection.checkpoint import stored_tensors, write_tensors
+from imodbatch.detection.files import read_checkpoint, write_card
 
 
 def join_family(members: Sequence[str | Path], file: str | Path) -> list[Path]:

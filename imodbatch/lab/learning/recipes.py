@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from imodbatch.core.errors import ConfigError
 from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.detection.card import Architecture, DetectorCard
-from imodbatch.settings.config import StrictModel, apply_settings, did_you_mean, read_toml, validate
+from imodbatch.settings.toml import StrictModel, apply_settings, did_you_mean, read_toml, validate
 
 FOLDER = Path(__file__).parent
 SHIPPED = ("light", "paper")

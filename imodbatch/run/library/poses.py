@@ -17,8 +17,9 @@ from imodbatch.poses.rgbd import RgbdFrames
 from imodbatch.run.library.images import Images, color_reader, depth_reader, frame_numbers
 from imodbatch.run.library.settings import settings_of
 from imodbatch.run.library.tables import SEQUENCE, frames_of, given_trajectory, told
-from imodbatch.settings.config import PosesConfig, SfmConfig, SlamConfig, StrictModel, did_you_mean
-from imodbatch.settings.manifest import WorldSection
+from imodbatch.settings.config import PosesConfig, SfmConfig, SlamConfig
+from imodbatch.settings.sections import WorldSection
+from imodbatch.settings.toml import StrictModel, did_you_mean
 from imodbatch.tables.columns import Progress
 
 SOURCES = ("slam", "sfm")

@@ -19,8 +19,8 @@ from imodbatch.settings.config import (
     MatchingConfig,
     MetricsConfig,
     ViewpointConfig,
-    validate,
 )
+from imodbatch.settings.toml import validate
 
 Model = TypeVar("Model", bound=BaseModel)
 GRID = ("n_azimuths", "elevations_deg")

@@ -17,10 +17,11 @@ from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage
 from imodbatch.datasets.images import UnreadableImageError
 from imodbatch.detection import detect as detect_stage
-from imodbatch.detection.card import read_checkpoint
+from imodbatch.detection.files import read_checkpoint
 from imodbatch.detection.weights import find_weights
 from imodbatch.fusion import fuse as fuse_stage
 from imodbatch.fusion import lift as lift_stage
+from imodbatch.run.detecting import shared_detector
 from imodbatch.run.library.fitting import boxes_and_poses, boxes_and_sightings, results_and_truth
 from imodbatch.run.library.images import Images, color_reader, depth_reader, frame_numbers
 from imodbatch.run.library.settings import (
@@ -32,7 +33,6 @@ from imodbatch.run.library.settings import (
     settings_of,
 )
 from imodbatch.run.library.tables import NO_CAMERA, SEQUENCE, Table, frames_of, told
-from imodbatch.run.steps import shared_detector
 from imodbatch.scoring import match as match_stage
 from imodbatch.scoring import metrics as metrics_stage
 from imodbatch.scoring.coco import coco_ap

@@ -21,7 +21,7 @@ from imodbatch.core.errors import DataError
 from imodbatch.core.frames import is_rigid
 from imodbatch.core.trajectory import LOST, TRACKED, FramePoses, Trajectory
 from imodbatch.poses import association as poses
-from imodbatch.settings.config import did_you_mean
+from imodbatch.settings.toml import did_you_mean
 from imodbatch.tables.columns import StageResult
 from imodbatch.tables.parquet import ARROW_ERRORS, conform, from_columns
 from imodbatch.tables.schemas import ANNOTATIONS, BOX, DETECTIONS, FRAMES, POSES, TableSpec

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from architectures import LIGHT
 from PIL import Image
 
 from imodbatch.core.errors import ConfigError, DataError
-from imodbatch.detection.card import LIGHT
 from imodbatch.detection.inference import load_detector
 from imodbatch.lab.learning.loader import change_colors, cut_crops, cut_window
 from imodbatch.lab.learning.log import read_events, read_rows

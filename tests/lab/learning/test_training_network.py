@@ -5,9 +5,10 @@ import sys
 
 import pytest
 import torch
+from architectures import LIGHT
 
 from imodbatch.core.errors import ConfigError
-from imodbatch.detection.card import LIGHT, DetectorCard
+from imodbatch.detection.card import DetectorCard
 from imodbatch.detection.efficientnet_lite import (
     PIXEL_MEAN,
     PIXEL_STD,

@@ -1,0 +1,17 @@
+"""The shape of a small network for tests: ``from architectures import ...``."""
+
+from imodbatch.detection.card import Architecture
+
+LIGHT = Architecture(
+    backbone="mobilenet_v2",
+    fpn_channels=96,
+    fpn_strides=(8, 16, 32),
+    anchor_sizes_px=((24, 40), (64, 104), (160, 256)),
+    anchor_aspect_ratios=(0.5, 1.0, 2.0),
+    head_width=384,
+    roi_size=7,
+    n_rois=96,
+    head="factorised",
+    normalisation_mean=(0.485, 0.456, 0.406),
+    normalisation_std=(0.229, 0.224, 0.225),
+)
