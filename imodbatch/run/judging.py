@@ -52,7 +52,8 @@ def jitter_step(part: Plan, tables: Tables, progress: Progress[Any]) -> StageRes
 
 
 def _evidence(part: Plan, tables: Tables) -> Evidence:
-    return Evidence(*(tables[name] for name in EVIDENCE), part.n_classes, part.pipeline)
+    frames, annotations, detections, observations = (tables[name] for name in EVIDENCE)
+    return Evidence(frames, annotations, detections, observations, part.n_classes, part.pipeline)
 
 
 def fusing_again(*names: str) -> Settings:
