@@ -5,7 +5,7 @@ manifest → index → poses → detect → lift → fuse → score → diagnose
 One room per arrow; imports point down this list only:
 
 - `cli`                              the command line
-- `run`, `lab`                       a run: steps, resume, the library below; datasets and detectors made
+- `run`, `lab`                       steps, resume, the library below; datasets and detectors made
 - `reporting`, `checkup`             report and comparisons; the doctor
 - `scoring`                          matches, metrics, what holds fusion back
 - `fusion`, `detection`, `poses`     lift and fuse; the detector; odometry, SLAM, SfM, levelling
