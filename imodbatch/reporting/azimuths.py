@@ -1,25 +1,32 @@
 """How well a detector names the azimuth from which it sees an object, in single frames."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 
 from imodbatch.core.matching import OUTCOME_NAMES, Outcome
 from imodbatch.core.symmetry import Symmetry, n_fold, parse_symmetry
 from imodbatch.core.viewpoint import azimuth_bins_apart
 from imodbatch.reporting.comparison import METHODS, WITH_VIEW, Comparison
+from imodbatch.reporting.csv_text import to_csv
 from imodbatch.reporting.grids import Cell, Column, Grid, Row
 from imodbatch.reporting.names import percent
 from imodbatch.reporting.run_folder import FinishedRun
-from imodbatch.reporting.scores import to_csv
 
 
-@dataclass(frozen=True)
-class AzimuthAccuracy:
+NO_SHARES = (float("nan"), float("nan"))
+NOTHING = (None, None, None)
+Figures = tuple["AzimuthAccuracy | None", ...]
+"""Of each class; None where azimuth means nothing."""
+
+
+class AzimuthAccuracy(NamedTuple):
     """The azimuths of one class's true-positive boxes under one detector.
 
     Attributes:
@@ -33,14 +40,9 @@ class AzimuthAccuracy:
     n_near: int
 
     @property
-    def exact(self) -> float | None:
-        """Share of `n`; None without any."""
-        return self.n_exact / self.n if self.n else None
-
-    @property
-    def near(self) -> float | None:
-        """Share of `n`; None without any."""
-        return self.n_near / self.n if self.n else None
+    def shares(self) -> tuple[float, float]:
+        """The exact and the near ones of `n`; NaN without any."""
+        return (self.n_exact / self.n, self.n_near / self.n) if self.n else NO_SHARES
 
 
 @dataclass(frozen=True)
@@ -50,12 +52,12 @@ class AzimuthBlock:
     Attributes:
         classes: names by class id.
         symmetries: of each class; None = unknown.
-        by_group: detector grid → a figure per class; None where azimuth means nothing.
+        by_group: detector grid → a figure per class.
     """
 
     classes: tuple[str, ...]
     symmetries: tuple[Symmetry | None, ...]
-    by_group: dict[str, tuple[AzimuthAccuracy | None, ...]]
+    by_group: dict[str, Figures]
 
 
 def azimuth_block(comparison: Comparison) -> AzimuthBlock | None:
@@ -95,13 +97,10 @@ def azimuth_csv(block: AzimuthBlock) -> str:
     """The counts behind it; empty = azimuth means nothing."""
     head = ["class_id", "class_name", "symmetry"]
     head += [f"{group} {name}" for group in block.by_group for name in ("n", "n_exact", "n_near")]
-    rows: list[list[object]] = []
-    for k, (name, symmetry) in enumerate(zip(block.classes, block.symmetries, strict=True)):
-        row: list[object] = [k, name, symmetry]
-        for figures in block.by_group.values():
-            found = figures[k]
-            row += [None] * 3 if found is None else [found.n, found.n_exact, found.n_near]
-        rows.append(row)
+    rows = [
+        [k, *named, *chain(*(figures[k] or NOTHING for figures in block.by_group.values()))]
+        for k, named in enumerate(zip(block.classes, block.symmetries, strict=True))
+    ]
     return to_csv(head, rows)
 
 
@@ -128,29 +127,22 @@ def _symmetries(annotations: pa.Table, n_classes: int) -> tuple[Symmetry | None,
     return tuple(found.get(class_id) for class_id in range(n_classes))
 
 
-def _accuracies(
-    run: FinishedRun, symmetries: Sequence[Symmetry | None]
-) -> tuple[AzimuthAccuracy | None, ...]:
-    apart: list[list[int]] = [[] for _ in symmetries]
-    for class_id, predicted_bin, azimuth_rad in _true_positives(run):
-        turns = n_fold(symmetries[class_id])
-        if turns is not None:
-            bins = azimuth_bins_apart(predicted_bin, azimuth_rad, run.grid.n_azimuths, turns)
-            apart[class_id].append(int(bins))
-    return tuple(
-        None if n_fold(symmetry) is None else _accuracy(np.array(bins, dtype=np.int64))
-        for symmetry, bins in zip(symmetries, apart, strict=True)
-    )
+def _accuracies(run: FinishedRun, symmetries: Sequence[Symmetry | None]) -> Figures:
+    right = _true_positives(run)
+    found: list[AzimuthAccuracy | None] = []
+    for class_id, symmetry in enumerate(symmetries):
+        turns = n_fold(symmetry)
+        if turns is None:
+            found.append(None)
+            continue
+        own = right[right.class_id == class_id]
+        apart = azimuth_bins_apart(own.bin, own.own_azimuth_rad, run.grid.n_azimuths, turns)
+        found.append(AzimuthAccuracy(len(own), int((apart == 0).sum()), int((apart <= 1).sum())))
+    return tuple(found)
 
 
-def _accuracy(bins_apart: NDArray[np.int64]) -> AzimuthAccuracy:
-    return AzimuthAccuracy(
-        len(bins_apart), int((bins_apart == 0).sum()), int((bins_apart <= 1).sum())
-    )
-
-
-def _true_positives(run: FinishedRun) -> Iterator[tuple[int, int, float]]:
-    """Class, predicted azimuth bin and true azimuth of each right box whose truth is known."""
+def _true_positives(run: FinishedRun) -> pd.DataFrame:
+    """The right boxes whose true azimuth is known, with the `bin` that the detector names."""
     is_right = (
         (pc.field("method") == METHODS[WITH_VIEW])
         & (pc.field("iou_percent") == run.results.main_iou)
@@ -158,22 +150,18 @@ def _true_positives(run: FinishedRun) -> Iterator[tuple[int, int, float]]:
     )
     keys = ["sequence_id", "frame_index", "annotation_index"]
     annotations = run.results.tables["annotations"].select([*keys, "own_azimuth_rad"])
-    right = run.results.tables["matches"].filter(is_right).drop_columns(["iou", "score"])
-    right = right.join(annotations, keys=keys).filter(pc.field("own_azimuth_rad").is_valid())
-    shape = (len(run.classes), run.grid.n_elevations, run.grid.n_azimuths)
-    for sequence_id in run.sequence_ids:
-        detections = run.detections(sequence_id)
-        numbers = zip(
-            detections["frame_index"].to_pylist(),
-            detections["detection_index"].to_pylist(),
-            strict=True,
-        )
-        place = {key: i for i, key in enumerate(numbers)}
-        vectors = detections["view_scores"].combine_chunks()
-        for row in right.filter(pc.field("sequence_id") == sequence_id).to_pylist():
-            vector = vectors[place[row["frame_index"], row["detection_index"]]].values.to_numpy()
-            scores = vector.reshape(shape)[row["class_id"]].sum(axis=0)
-            yield row["class_id"], int(scores.argmax()), row["own_azimuth_rad"]
+    right = run.results.tables["matches"].filter(is_right).join(annotations, keys=keys)
+    right = right.filter(pc.field("own_azimuth_rad").is_valid()).to_pandas()
+    shape = (-1, len(run.classes), run.grid.n_elevations, run.grid.n_azimuths)
+    found = []
+    for sequence_id, rows in right.groupby("sequence_id"):
+        detections = run.detections(str(sequence_id))
+        vectors = detections["view_scores"].combine_chunks().flatten().to_numpy().reshape(shape)
+        boxes = detections.select(["frame_index", "detection_index"]).to_pandas()
+        own = rows.merge(boxes.assign(row=range(len(boxes))))
+        scores = vectors[own.row, own.class_id].sum(axis=1)
+        found.append(own.assign(bin=scores.argmax(axis=1)))
+    return pd.concat(found) if found else right.assign(bin=0)
 
 
 def _mark(symmetry: Symmetry | None) -> str:
@@ -184,16 +172,15 @@ def _mark(symmetry: Symmetry | None) -> str:
 def _cells(figure: AzimuthAccuracy | None) -> list[Cell]:
     if figure is None:
         return [Cell(percent(None))] * 3
-    return [Cell(f"{figure.n:,}"), Cell(percent(figure.exact)), Cell(percent(figure.near))]
+    return [Cell(f"{figure.n:,}"), *(Cell(percent(share)) for share in figure.shares)]
 
 
-def _mean_cells(block: AzimuthBlock, figures: Sequence[AzimuthAccuracy | None]) -> list[Cell]:
+def _mean_cells(block: AzimuthBlock, figures: Figures) -> list[Cell]:
     """Boxes in all, and the mean share over the classes without symmetry that have boxes."""
     plain = [
         figure
         for figure, symmetry in zip(figures, block.symmetries, strict=True)
         if figure is not None and figure.n and n_fold(symmetry) == 1
     ]
-    exact = float(np.mean([f.n_exact / f.n for f in plain])) if plain else None
-    near = float(np.mean([f.n_near / f.n for f in plain])) if plain else None
-    return [Cell(f"{sum(f.n for f in plain):,}"), Cell(percent(exact)), Cell(percent(near))]
+    means = np.mean([figure.shares for figure in plain], axis=0) if plain else NO_SHARES
+    return [Cell(f"{sum(f.n for f in plain):,}"), *(Cell(percent(float(m))) for m in means)]

@@ -13,7 +13,6 @@ from imodbatch.core.trajectory import DENSE, INTERPOLATED, LOST, STATUSES
 from imodbatch.reporting.figures import PATH_COLOR, REFERENCE_COLOR, PathView, path_svg
 from imodbatch.reporting.grids import Cell, Column, Grid, Row
 from imodbatch.reporting.names import DASH, number, plural
-from imodbatch.reporting.scores import to_csv
 
 MOST_PATHS = 24
 MARKS = {DENSE: "#d97706", INTERPOLATED: "#9d4edd"}
@@ -105,12 +104,6 @@ def pose_section(
         reference_poses.num_rows > 0,
         max(0, len(sequence_ids) - MOST_PATHS),
     )
-
-
-def pose_csv(quality: pa.Table) -> str:
-    """Every figure in full precision; empty = cannot be told."""
-    head = ("sequence_id", "metric", "value", "n")
-    return to_csv(head, [tuple(row[name] for name in head) for row in quality.to_pylist()])
 
 
 def _grid(figures: Figures, sequence_ids: Sequence[str]) -> Grid:

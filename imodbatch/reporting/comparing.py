@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 from imodbatch.core.errors import ConfigError
 from imodbatch.reporting.azimuths import azimuth_block, azimuth_csv, azimuth_grid, azimuth_remark
 from imodbatch.reporting.comparison import Comparison, compare_runs
+from imodbatch.reporting.csv_text import csv_of
 from imodbatch.reporting.grids import Grid
 from imodbatch.reporting.operating_points import TUNINGS, Background, table_2_columns
 from imodbatch.reporting.page import page
@@ -26,7 +27,7 @@ from imodbatch.reporting.table_1 import (
     table_remark,
 )
 from imodbatch.reporting.table_2 import beside, paper_table_2, remarks, table_2
-from imodbatch.reporting.table_2_files import csv_of, figures_table, thresholds_table
+from imodbatch.reporting.table_2_files import figures_table, thresholds_table
 from imodbatch.scoring.background import background_per_pixel
 from imodbatch.tables.atomic import replacing, write_text
 

@@ -18,6 +18,7 @@ from imodbatch.core.resampling import pooled_ap
 from imodbatch.core.scoring import ScoredBoxes, mean_over_classes
 from imodbatch.reporting.results import Results
 from imodbatch.reporting.run_folder import FinishedRun
+from imodbatch.tables.schemas import MEAN_CLASS_ID
 
 WITHOUT_VIEW, WITH_VIEW, NAIVE, OURS = "w/o view", "w/ view", "Naive", "Ours"
 OURS_OFFLINE = "Ours, all frames"
@@ -47,9 +48,14 @@ class MethodColumn:
         """Mean AP over the classes that have one."""
         return mean_over_classes(self.aps)
 
+    def ap(self, class_id: int) -> float:
+        """AP of a class or the mean; NaN = none."""
+        return self.mean if class_id == MEAN_CLASS_ID else float(self.aps[class_id])
+
     def n_false_positives(self, class_id: int) -> int:
-        """False positives of a class at any score."""
-        return int((~self.boxes[class_id].is_hit).sum())
+        """False positives of a class, or of all, at any score."""
+        boxes = self.boxes if class_id == MEAN_CLASS_ID else (self.boxes[class_id],)
+        return sum(int((~of_class.is_hit).sum()) for of_class in boxes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +92,11 @@ class Comparison:
         for class_id, sequence_id in ids:
             counts[class_id, run.sequence_ids.index(sequence_id)] += 1
         return counts
+
+    def n_counted(self, class_id: int) -> int:
+        """Annotations of a class, or of all, that count."""
+        rows = slice(None) if class_id == MEAN_CLASS_ID else class_id
+        return int(self.n_annotations[rows].sum())
 
     @cached_property
     def columns(self) -> tuple[MethodColumn, ...]:

@@ -1,7 +1,10 @@
 """A table as the page and Markdown show it: text in cells, decided once, drawn twice."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from textwrap import wrap
+
+from imodbatch.reporting.names import DASH, number
 
 GAP, BAR = "  ", " | "
 """Between the columns of a terminal's table: within a group, and before one."""
@@ -109,14 +112,12 @@ class Grid:
         return f"### {self.title}\n\n" + "\n".join(lines) + "\n"
 
 
-def marked_best(values: list[float | None], texts: list[str], notes: list[str]) -> list[Cell]:
-    """Cells of which the largest is marked; values that look equal are equally good."""
-    known = [(value, text) for value, text in zip(values, texts, strict=True) if value is not None]
-    best = max(known)[1] if len(known) > 1 else None
-    return [
-        Cell(text, note, value is not None and text == best)
-        for value, text, note in zip(values, texts, notes, strict=True)
-    ]
+def marked_best(values: Sequence[float | None], notes: Sequence[str]) -> list[Cell]:
+    """Figures of which the largest is marked; values that look equal are equally good."""
+    texts = [number(value) for value in values]
+    known = [float(text) for text in texts if text != DASH]
+    best = number(max(known)) if len(known) > 1 else None
+    return [Cell(text, note, text == best) for text, note in zip(texts, notes, strict=True)]
 
 
 def _group_lines(groups: list[tuple[str, int]], widths: list[int], margin: int) -> list[str]:

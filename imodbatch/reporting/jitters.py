@@ -10,8 +10,6 @@ from markupsafe import Markup
 from imodbatch.reporting.figures import Panel, PanelLine, panels_svg
 from imodbatch.reporting.grids import Cell, Column, Grid, Row
 from imodbatch.reporting.names import AP_METRICS, in_order, method_style, number
-from imodbatch.reporting.scores import to_csv
-from imodbatch.tables.schemas import JITTERS
 
 KINDS = {
     "jitter": "Jitter: each frame wrong on its own",
@@ -45,12 +43,6 @@ def jitter_section(jitters: pa.Table) -> JitterSection | None:
         for kind, heading in KINDS.items()
     )
     return JitterSection(plots, _grid(rows))
-
-
-def jitter_csv(jitters: pa.Table) -> str:
-    """The table as it is; empty = unknown."""
-    names = JITTERS.schema.names
-    return to_csv(names, [[row[name] for name in names] for row in jitters.to_pylist()])
 
 
 def _place(row: JitterRow) -> tuple[int, int, int]:

@@ -1,15 +1,13 @@
 """What was lost where: rows per stage, sequence and status, and what holds fusion back."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from imodbatch.reporting.grids import Cell, Column, Grid, Row
 from imodbatch.reporting.names import DASH, number
 from imodbatch.reporting.run_info import RunInfo
-from imodbatch.reporting.scores import to_csv
 from imodbatch.tables.schemas import MEAN_CLASS_ID
 
 STAGE_OF_TABLE = {
@@ -39,8 +37,7 @@ CAUSES = {
 """Headings of the causes in `core.diagnosis`; others keep their own name."""
 
 
-@dataclass(frozen=True)
-class StatusCount:
+class StatusCount(NamedTuple):
     """How many rows of a stage's table have a status, in one sequence."""
 
     stage: str
@@ -63,12 +60,6 @@ def status_counts(tables: Mapping[str, pa.Table]) -> list[StatusCount]:
             key=lambda c: (c.sequence_id, _place(c.status)),
         )
     return counts
-
-
-def status_csv(counts: Sequence[StatusCount]) -> str:
-    """One row per count."""
-    head = ("stage", "sequence_id", "status", "n")
-    return to_csv(head, [(c.stage, c.sequence_id, c.status, c.n) for c in counts])
 
 
 def status_grid(counts: Sequence[StatusCount], sequence_ids: Sequence[str]) -> Grid:
@@ -104,12 +95,6 @@ def losses_grid(losses: pa.Table, info: RunInfo) -> Grid | None:
         grid_rows.append(Row(name, tuple(cells), class_id == MEAN_CLASS_ID))
     columns = tuple(Column(CAUSES.get(cause, cause.replace("_", " "))) for cause in causes)
     return Grid("losses", "What holds fusion back", "class", columns, tuple(grid_rows))
-
-
-def n_rows(table: pa.Table) -> dict[str, int]:
-    """Rows per sequence."""
-    groups = pc.value_counts(table["sequence_id"]).to_pylist()
-    return {group["values"]: group["counts"] for group in groups}
 
 
 def _loss(row: dict[str, float] | None) -> Cell:

@@ -12,11 +12,12 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from imodbatch.reporting.camera_poses import pose_csv, pose_section
+from imodbatch.reporting.camera_poses import pose_section
+from imodbatch.reporting.csv_text import csv_of, to_csv
 from imodbatch.reporting.gallery import ReadColor, gallery
 from imodbatch.reporting.grids import Grid
-from imodbatch.reporting.jitters import jitter_csv, jitter_section
-from imodbatch.reporting.losses import losses_grid, status_counts, status_csv, status_grid
+from imodbatch.reporting.jitters import jitter_section
+from imodbatch.reporting.losses import StatusCount, losses_grid, status_counts, status_grid
 from imodbatch.reporting.names import OFFLINE, in_order, method_style, number, plural
 from imodbatch.reporting.page import page
 from imodbatch.reporting.paper import MARK, PaperColumn, columns
@@ -100,12 +101,12 @@ def run(
     remark = context["threshold_remark"]
     write_text(out_dir / "precision_recall.md", _markdown(at_threshold, remark))
     write_text(out_dir / "precision_recall.csv", precision_recall_csv(results, run_info.classes))
-    write_text(out_dir / "status_counts.csv", status_csv(counts))
+    write_text(out_dir / "status_counts.csv", to_csv(StatusCount._fields, counts))
     if context["camera_poses"]:
         write_text(out_dir / "poses.md", context["camera_poses"].markdown)
-        write_text(out_dir / "poses.csv", pose_csv(complete["pose_quality"]))
+        write_text(out_dir / "poses.csv", csv_of(complete["pose_quality"]))
     if context["jitter"]:
-        write_text(out_dir / "jitters.csv", jitter_csv(complete["jitters"]))
+        write_text(out_dir / "jitters.csv", csv_of(complete["jitters"]))
     else:
         (out_dir / "jitters.csv").unlink(missing_ok=True)
     write_text(out_dir / PAGE, page("report.html.j2", {**context, "info": run_info}))

@@ -1,9 +1,8 @@
 """The score tables: AP per class and method, and precision/recall at the tuned thresholds."""
 
-import csv
-import io
 from collections.abc import Sequence
 
+from imodbatch.reporting.csv_text import to_csv
 from imodbatch.reporting.grids import Cell, Column, Grid, Row, marked_best
 from imodbatch.reporting.names import AP_METRICS, method_style, number, percent, plural
 from imodbatch.reporting.paper import MARK, PaperColumn
@@ -11,6 +10,12 @@ from imodbatch.reporting.results import Results
 from imodbatch.tables.schemas import BACKGROUND_CLASS_ID, MEAN_CLASS_ID, SEVERAL_IOUS
 
 HEADLINE = "ap_voc07_11pt"
+
+
+def class_rows(classes: Sequence[str], with_background: bool = False) -> list[tuple[int, str]]:
+    """Id and name of every row of a table: the classes, the background if asked for, the mean."""
+    background = [(BACKGROUND_CLASS_ID, "background")] if with_background else []
+    return [*enumerate(classes), *background, (MEAN_CLASS_ID, "mean")]
 
 
 def ap_metrics(results: Results) -> list[tuple[str, int]]:
@@ -41,14 +46,14 @@ def ap_grid(
     is_headline = metric == HEADLINE and iou_percent == results.main_iou
     paper = [column for column in paper if any(v is not None for v in column.ap.values())]
     rows = []
-    for class_id, name in [*enumerate(classes), (MEAN_CLASS_ID, "mean")]:
+    for class_id, name in class_rows(classes):
         n_annotations = _n_annotations(results, class_id, len(classes))
         values = [results.value(m, class_id, metric, iou_percent) for m in results.methods]
         notes = [""] * len(values)
         if is_headline and n_annotations == 0 and class_id != MEAN_CLASS_ID:
             notes = [_false_positives(results, m, class_id) for m in results.methods]
         cells = [Cell(f"{n_annotations:,}")] if is_headline else []
-        cells += marked_best(values, [number(v) for v in values], notes)
+        cells += marked_best(values, notes)
         cells += [Cell(number(column.ap.get(name))) for column in paper]
         rows.append(Row(name, tuple(cells), class_id == MEAN_CLASS_ID))
     columns = (
@@ -69,7 +74,7 @@ def ap_csv(results: Results, classes: Sequence[str]) -> str:
             *(results.value(m, class_id, metric, iou) for m in results.methods),
         ]
         for metric, iou in ap_metrics(results)
-        for class_id, name in [*enumerate(classes), (MEAN_CLASS_ID, "mean")]
+        for class_id, name in class_rows(classes)
     ]
     return to_csv(head, rows)
 
@@ -82,7 +87,7 @@ def precision_recall_grid(results: Results, classes: Sequence[str]) -> Grid:
             tuple(_triple(results, method, class_id) for method in results.methods),
             class_id == MEAN_CLASS_ID,
         )
-        for class_id, name in _table_2_classes(classes)
+        for class_id, name in class_rows(classes, with_background=True)
     ]
     title = f"Precision/recall in percent (AP), IoU ≥ {results.main_iou / 100:.2f}"
     return Grid("precision-recall", title, "class", tuple(_method_columns(results)), tuple(rows))
@@ -97,7 +102,7 @@ def paper_precision_recall_grid(
         return None
     rows = [
         Row(name, tuple(paper_cell(c, name) for c in columns), class_id == MEAN_CLASS_ID)
-        for class_id, name in _table_2_classes(classes)
+        for class_id, name in class_rows(classes, with_background=True)
     ]
     heads = tuple(Column(c.name, f"{MARK}, {c.group}") for c in columns)
     title = "The same in the paper's Table 2, on other data"
@@ -123,27 +128,14 @@ def precision_recall_csv(results: Results, classes: Sequence[str]) -> str:
             *(class_id, name, results.main_iou),
             *(results.value(m, class_id, metric) for m in results.methods for metric in metrics),
         ]
-        for class_id, name in _table_2_classes(classes)
+        for class_id, name in class_rows(classes, with_background=True)
     ]
     return to_csv(head, rows)
-
-
-def to_csv(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Comma-separated text; None is an empty field."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(rows)
-    return text.getvalue()
 
 
 def _method_columns(results: Results) -> list[Column]:
     styles = [method_style(method) for method in results.methods]
     return [Column(s.name, "", s.color, s.is_dashed) for s in styles]
-
-
-def _table_2_classes(classes: Sequence[str]) -> list[tuple[int, str]]:
-    return [*enumerate(classes), (BACKGROUND_CLASS_ID, "background"), (MEAN_CLASS_ID, "mean")]
 
 
 def _n_annotations(results: Results, class_id: int, n_classes: int) -> int:

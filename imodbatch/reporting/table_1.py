@@ -15,12 +15,13 @@ from imodbatch.reporting.comparison import (
     Comparison,
     MethodColumn,
 )
+from imodbatch.reporting.csv_text import to_csv
 from imodbatch.reporting.grids import Cell, Column, Grid, Row, marked_best
 from imodbatch.reporting.names import number, plural
 from imodbatch.reporting.paper import MARK, TABLE_1, PaperColumn
-from imodbatch.reporting.scores import to_csv
+from imodbatch.reporting.scores import class_rows
+from imodbatch.tables.schemas import MEAN_CLASS_ID
 
-MEAN = "mean"
 PAPER_ELEVATIONS = 3
 PAPER_GROUP = "simulation"
 FEW_SEQUENCES = 10
@@ -40,20 +41,16 @@ class Estimate:
 
 def table_1(comparison: Comparison) -> Grid:
     """AP per class, grid and method, the best of each grid marked, the paper's columns beside."""
-    classes = comparison.any_run.classes
     rows = []
-    for class_id, name in [*enumerate(classes), (-1, MEAN)]:
-        is_mean = name == MEAN
-        counts = comparison.n_annotations if is_mean else comparison.n_annotations[class_id]
-        cells = [Cell(f"{counts.sum():,}")]
+    for class_id, name in class_rows(comparison.any_run.classes):
+        n_annotations = comparison.n_counted(class_id)
+        cells = [Cell(f"{n_annotations:,}")]
         for group in comparison.groups:
             ours = _of_group(comparison, group)
-            values = [c.mean if is_mean else float(c.aps[class_id]) for c in ours]
-            notes = ["" if counts.sum() else _false_positives(c, class_id) for c in ours]
-            known = [None if np.isnan(value) else value for value in values]
-            cells += marked_best(known, [number(v) for v in values], notes)
+            notes = ["" if n_annotations else _false_positives(c, class_id) for c in ours]
+            cells += marked_best([c.ap(class_id) for c in ours], notes)
             cells += [Cell(number(c.ap.get(name))) for c in _paper(comparison, group)]
-        rows.append(Row(name, tuple(cells), is_mean))
+        rows.append(Row(name, tuple(cells), class_id == MEAN_CLASS_ID))
     columns = [Column("boxes", "true")]
     for group in comparison.groups:
         columns += [Column(c.name, group) for c in _of_group(comparison, group)]
@@ -73,16 +70,15 @@ def table_1_csv(comparison: Comparison) -> str:
     head += [f"{c.group} {c.name}" for c in ours]
     head += [f"{c.group} {c.name}, false positives" for c in ours]
     head += [f"{group} {c.name} ({MARK}, {c.group})" for group, c in paper]
-    rows: list[list[object]] = []
-    for k, name in enumerate(comparison.any_run.classes):
-        counted = int(comparison.n_annotations[k].sum())
-        aps = [_or_none(float(c.aps[k])) for c in ours]
-        false = [c.n_false_positives(k) for c in ours]
-        rows.append([k, name, counted, *aps, *false, *(c.ap.get(name) for _, c in paper)])
-    totals = [sum(c.n_false_positives(k) for k in range(len(rows))) for c in ours]
-    means = [_or_none(c.mean) for c in ours]
-    counted = int(comparison.n_annotations.sum())
-    rows.append([-1, MEAN, counted, *means, *totals, *(c.ap.get(MEAN) for _, c in paper)])
+    rows = [
+        [
+            *(class_id, name, comparison.n_counted(class_id)),
+            *(c.ap(class_id) for c in ours),
+            *(c.n_false_positives(class_id) for c in ours),
+            *(c.ap.get(name) for _, c in paper),
+        ]
+        for class_id, name in class_rows(comparison.any_run.classes)
+    ]
     return to_csv(head, rows)
 
 
@@ -122,7 +118,7 @@ def estimates_csv(found: Sequence[Estimate]) -> str:
     """The same in full precision; empty = no interval."""
     rows = [
         [
-            *(e.group, e.name, _or_none(e.value)),
+            *(e.group, e.name, e.value),
             *((e.interval.low, e.interval.high) if e.interval else (None, None)),
         ]
         for e in found
@@ -203,7 +199,3 @@ def _false_positives(column: MethodColumn, class_id: int) -> str:
 
 def _signed(value: float | None) -> str:
     return number(value) if value is None or np.isnan(value) else f"{value:+.3f}"
-
-
-def _or_none(value: float) -> float | None:
-    return None if np.isnan(value) else value

@@ -9,7 +9,6 @@ import pyarrow as pa
 from imodbatch.reporting.comparison import Comparison
 from imodbatch.reporting.operating_points import TUNINGS, Table2Column
 from imodbatch.reporting.paper import MARK, TABLE_2
-from imodbatch.reporting.scores import to_csv
 from imodbatch.reporting.table_2 import precision_recall, table_2_rows
 from imodbatch.tables.schemas import MEAN_CLASS_ID
 
@@ -77,12 +76,6 @@ def thresholds_table(comparison: Comparison, columns: Sequence[Table2Column]) ->
         for s, sequence_id in enumerate(comparison.any_run.sequence_ids)
     ]
     return pa.Table.from_pylist(rows, schema=THRESHOLDS)
-
-
-def csv_of(table: pa.Table) -> str:
-    """A table as comma-separated text; null is an empty field."""
-    columns = [table[name].to_pylist() for name in table.column_names]
-    return to_csv(table.column_names, list(zip(*columns, strict=True)))
 
 
 def _origin(column: Table2Column) -> dict[str, Any]:
