@@ -19,7 +19,6 @@ from imodbatch.reporting.grids import Cell, Column, Grid, Row
 from imodbatch.reporting.names import percent
 from imodbatch.reporting.run_folder import FinishedRun
 
-
 NO_SHARES = (float("nan"), float("nan"))
 NOTHING = (None, None, None)
 Figures = tuple["AzimuthAccuracy | None", ...]

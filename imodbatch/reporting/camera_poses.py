@@ -13,6 +13,7 @@ from imodbatch.core.trajectory import DENSE, INTERPOLATED, LOST, STATUSES
 from imodbatch.reporting.figures import PATH_COLOR, REFERENCE_COLOR, PathView, path_svg
 from imodbatch.reporting.grids import Cell, Column, Grid, Row
 from imodbatch.reporting.names import DASH, number, plural
+from imodbatch.reporting.results import centers_from_above
 
 MOST_PATHS = 24
 MARKS = {DENSE: "#d97706", INTERPOLATED: "#9d4edd"}
@@ -94,8 +95,9 @@ def pose_section(
         true = reference_poses.filter(is_here).sort_by("frame_index")
         status = np.array(here["status"].to_pylist(), dtype=np.str_)
         kinds |= set(status.tolist())
-        marks = [(_centers(here)[status == kind], color) for kind, color in MARKS.items()]
-        view = PathView(_centers(here), _centers(true), marks)
+        path = centers_from_above(here)
+        marks = [(path[status == kind], color) for kind, color in MARKS.items()]
+        view = PathView(path, centers_from_above(true), marks)
         paths.append((sequence_id, _remark(status), path_svg(sequence_id, view)))
     return PoseSection(
         [_grid(figures, sequence_ids), *_source_grids(figures, sequence_ids)],
@@ -152,9 +154,3 @@ def _remark(status: NDArray[np.str_]) -> str:
     counts = {kind: int((status == kind).sum()) for kind in (DENSE, INTERPOLATED, LOST)}
     parts = [f"{n:,} {kind}" for kind, n in counts.items() if n]
     return ", ".join([plural(len(status), "frame"), *parts])
-
-
-def _centers(poses: pa.Table) -> NDArray[np.float64]:
-    """Camera centres (m, 2) from above, NaN where there is no pose."""
-    columns = [poses[name].to_numpy().astype(np.float64) for name in ("tx_m", "ty_m")]
-    return np.stack(columns, axis=-1)

@@ -32,7 +32,7 @@ class MethodColumn:
     """One column of figures.
 
     Attributes:
-        group: which detector grid.
+        group: the heading above it: in Table 1 the detector grid.
         name: as the paper names it.
         boxes: the ranked boxes of each class.
         aps: (K,) 11-point AP of each class, NaN without annotations.
@@ -105,26 +105,21 @@ class Comparison:
         for group, run in self.groups.items():
             if self.without_view is not None:
                 single = METHODS[WITH_VIEW]
-                found.append(self._column(group, WITHOUT_VIEW, self.without_view, single))
+                found.append(self.column(group, WITHOUT_VIEW, self.without_view, single))
             found += [
-                self._column(group, name, run, method)
+                self.column(group, name, run, method)
                 for name, method in METHODS.items()
                 if method in run.results.methods
             ]
         return tuple(found)
 
-    def _column(self, group: str, name: str, run: FinishedRun, method: str) -> MethodColumn:
+    def column(self, group: str, name: str, run: FinishedRun, method: str) -> MethodColumn:
+        """The figures of a method of one of the runs."""
         boxes = ranked_boxes(run.results, method, len(run.classes))
-        return MethodColumn(group, name, boxes, self._aps(boxes))
-
-    def aps(self, run: FinishedRun, method: str) -> NDArray[np.float64]:
-        """(K,) 11-point AP of one of the runs, NaN for a class without annotations."""
-        return self._aps(ranked_boxes(run.results, method, len(run.classes)))
-
-    def _aps(self, boxes: Sequence[ScoredBoxes]) -> NDArray[np.float64]:
         once = np.ones(len(self.any_run.sequence_ids), dtype=np.int64)
         pairs = zip(boxes, self.n_annotations, strict=True)
-        return np.array([pooled_ap(ranked, n, once) for ranked, n in pairs])
+        aps = np.array([pooled_ap(ranked, n, once) for ranked, n in pairs])
+        return MethodColumn(group, name, boxes, aps)
 
 
 def compare_runs(runs: Sequence[FinishedRun]) -> Comparison:

@@ -191,35 +191,27 @@ def _marked_line(method: str) -> dict[str, Any]:
 def top_view_svg(title: str, view: TopView) -> Markup:
     """Objects of one sequence from above, with the path of the camera."""
     with mpl.rc_context(_style(f"map {title}")):
-        figure, axes = _new((4.2, 3.8))
+        figure, axes = _new_map()
         path = view.path[_spread(len(view.path), PATH_POINTS)]
         axes.plot(path[:, 0], path[:, 1], color="#9ca3af", linewidth=1.0, zorder=1)
-        seen = path[~np.isnan(path).any(axis=1)]
-        if len(seen):
-            axes.plot(*seen[0], marker="o", mfc="white", color="#6b7280", markersize=6, zorder=2)
+        _mark_start(axes, path, color="#6b7280", zorder=2)
         weak = ~view.is_strong
         axes.scatter(
             view.xy[weak, 0], view.xy[weak, 1], s=6, color="#d1d5db", zorder=2, linewidths=0
         )
         for row in np.flatnonzero(view.is_strong).tolist():
-            x, y = view.xy[row]
-            if np.isfinite(view.yaw_rad[row]):
-                ahead = YAW_MARK_M * np.array(
-                    [np.cos(view.yaw_rad[row]), np.sin(view.yaw_rad[row])]
-                )
-                axes.plot(
-                    [x, x + ahead[0]], [y, y + ahead[1]], color=view.colors[row], linewidth=1.2
-                )
-            axes.plot(x, y, "o", color=view.colors[row], markersize=6, mec="white", mew=0.6)
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.set(xlabel="x (m)", ylabel="y (m)")
+            (x, y), yaw_rad, color = view.xy[row], view.yaw_rad[row], view.colors[row]
+            if np.isfinite(yaw_rad):
+                along, across = YAW_MARK_M * np.cos(yaw_rad), YAW_MARK_M * np.sin(yaw_rad)
+                axes.plot([x, x + along], [y, y + across], color=color, linewidth=1.2)
+            axes.plot(x, y, "o", color=color, markersize=6, mec="white", mew=0.6)
         return _svg(figure, f"Objects and camera path from above, {title}")
 
 
 def path_svg(title: str, view: PathView) -> Markup:
     """The path of a camera from above, the true one dashed beside it."""
     with mpl.rc_context(_style(f"path {title}")):
-        figure, axes = _new((4.2, 3.8))
+        figure, axes = _new_map()
         for line, color, dashes in (
             (view.path, PATH_COLOR, "-"),
             (view.reference, REFERENCE_COLOR, "--"),
@@ -229,11 +221,7 @@ def path_svg(title: str, view: PathView) -> Markup:
         for places, color in view.marks:
             some = places[_spread(len(places), PATH_POINTS)]
             axes.scatter(some[:, 0], some[:, 1], s=9, color=color, zorder=3, linewidths=0)
-        seen = view.path[~np.isnan(view.path).any(axis=1)]
-        if len(seen):
-            axes.plot(*seen[0], marker="o", mfc="white", color=PATH_COLOR, markersize=6, zorder=4)
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.set(xlabel="x (m)", ylabel="y (m)")
+        _mark_start(axes, view.path, color=PATH_COLOR, zorder=4)
         return _svg(figure, f"Camera path from above, {title}")
 
 
@@ -252,6 +240,20 @@ def _new(size_in: tuple[float, float]) -> tuple[Figure, Axes]:
     figure = Figure(figsize=size_in, layout="constrained")
     figure.patch.set_alpha(0.0)
     return figure, figure.add_subplot()
+
+
+def _new_map() -> tuple[Figure, Axes]:
+    figure, axes = _new((4.2, 3.8))
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(xlabel="x (m)", ylabel="y (m)")
+    return figure, axes
+
+
+def _mark_start(axes: Axes, path: Array, color: str, zorder: int) -> None:
+    """A ring where a path (m, 2) has its first pose."""
+    seen = path[~np.isnan(path).any(axis=1)]
+    if len(seen):
+        axes.plot(*seen[0], marker="o", mfc="white", color=color, markersize=6, zorder=zorder)
 
 
 def _spread(n: int, n_most: int) -> NDArray[np.int64]:

@@ -1,10 +1,10 @@
 """A table as the page and Markdown show it: text in cells, decided once, drawn twice."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
 
-from imodbatch.reporting.names import DASH, number
+from imodbatch.reporting.names import DASH, method_style, number
 
 GAP, BAR = "  ", " | "
 """Between the columns of a terminal's table: within a group, and before one."""
@@ -110,6 +110,12 @@ class Grid:
         lines = [_line([self.corner, *heads]), _line(["---", *["---:"] * len(heads)])]
         lines += [_line([row.name, *[cell.markdown for cell in row.cells]]) for row in self.rows]
         return f"### {self.title}\n\n" + "\n".join(lines) + "\n"
+
+
+def method_columns(methods: Iterable[str]) -> tuple[Column, ...]:
+    """A heading per method, in its looks."""
+    styles = map(method_style, methods)
+    return tuple(Column(s.name, "", s.color, s.is_dashed) for s in styles)
 
 
 def marked_best(values: Sequence[float | None], notes: Sequence[str]) -> list[Cell]:

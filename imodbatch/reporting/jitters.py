@@ -8,8 +8,8 @@ import pyarrow as pa
 from markupsafe import Markup
 
 from imodbatch.reporting.figures import Panel, PanelLine, panels_svg
-from imodbatch.reporting.grids import Cell, Column, Grid, Row
-from imodbatch.reporting.names import AP_METRICS, in_order, method_style, number
+from imodbatch.reporting.grids import Cell, Grid, Row, method_columns
+from imodbatch.reporting.names import AP_METRICS, in_order, number
 
 KINDS = {
     "jitter": "Jitter: each frame wrong on its own",
@@ -102,11 +102,8 @@ def _grid(rows: Sequence[JitterRow]) -> Grid:
         )
         for level in sorted(levels, key=lambda level: [*KINDS].index(level[0]))
     ]
-    styles = [method_style(method) for method in methods]
-    columns = tuple(Column(s.name, "", s.color, s.is_dashed) for s in styles)
-    return Grid(
-        "jitters", "Mean AP under disturbed poses", "disturbance", columns, tuple(grid_rows)
-    )
+    title = "Mean AP under disturbed poses"
+    return Grid("jitters", title, "disturbance", method_columns(methods), tuple(grid_rows))
 
 
 def _level(kind: str, translation_mm: int, rotation_mdeg: int) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from imodbatch.core.errors import ConfigError
 from imodbatch.core.scoring import mean_over_classes
 from imodbatch.core.tuning import Counts, counts_at, leave_one_out, reaches, tune_thresholds
-from imodbatch.reporting.comparison import Comparison
+from imodbatch.reporting.comparison import Comparison, MethodColumn
 from imodbatch.reporting.names import OFFLINE, method_style
 from imodbatch.reporting.results import MatchColumns
 from imodbatch.reporting.run_folder import FinishedRun
@@ -66,31 +66,18 @@ class OperatingPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Table2Column:
-    """One method of one run.
+class Table2Column(MethodColumn):
+    """One method of one run; its group is single view, or what a multi-view method has seen.
 
     Attributes:
         grid: of the detector whose runs are compared, such as ``3×12``.
-        group: single view, or what a multi-view method has seen.
-        name: as the paper names it, where it does.
-        aps: (K,) 11-point AP, NaN without annotations; no threshold takes part.
-        n_false_positives: (K,) at any score.
         points: by tuning; held-out sequences are absent where there is one only.
     """
 
     grid: str
-    group: str
-    name: str
     run: FinishedRun
     method: str
-    aps: Array
-    n_false_positives: NDArray[np.int64]
     points: Mapping[str, OperatingPoint]
-
-    @property
-    def mean_ap(self) -> float:
-        """Over the classes that have one."""
-        return mean_over_classes(self.aps)
 
 
 def table_2_columns(
@@ -159,9 +146,8 @@ def _column(
             counts_at(boxes, annotations, thresholds),
             background(run, _kept(matches, thresholds, run.sequence_ids)),
         )
-    wrong = np.bincount(boxes.class_id[~boxes.is_hit], minlength=len(annotations))
-    aps = comparison.aps(run, method)
-    return Table2Column(grid, group, name, run, method, aps, wrong, points)
+    ranked = comparison.column(group, name, run, method)
+    return Table2Column(**vars(ranked), grid=grid, run=run, method=method, points=points)
 
 
 def _kept(matches: MatchColumns, thresholds: Array, sequence_ids: tuple[str, ...]) -> pa.Table:

@@ -6,7 +6,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from imodbatch.core.trajectory import LOST
 from imodbatch.reporting.figures import (
@@ -17,7 +16,7 @@ from imodbatch.reporting.figures import (
     top_view_svg,
 )
 from imodbatch.reporting.names import AP_METRICS, OFFLINE, in_order, plural
-from imodbatch.reporting.results import Results, curve
+from imodbatch.reporting.results import Results, centers_from_above, curve
 from imodbatch.reporting.run_info import RunInfo
 from imodbatch.reporting.scores import HEADLINE
 
@@ -79,14 +78,15 @@ def maps(
     """
     objects = results.tables["objects"]
     objects = objects.filter(pc.field("method") == objects_method(objects, frame_method))
+    all_poses = results.tables["poses"]
     palette = class_colors(len(info.classes))
     views, seen = [], set()
-    drawable = _sequences(objects) | _sequences(_known(results.tables["poses"]))
+    drawable = _sequences(objects) | _sequences(all_poses.filter(pc.field("status") != LOST))
     for sequence_id in sorted(drawable)[:MOST_MAPS]:
         is_here = pc.field("sequence_id") == sequence_id
         rows = objects.filter(is_here).sort_by("object_index").to_pylist()
-        poses = results.tables["poses"].filter(is_here).sort_by("frame_index")
-        strong = [_reaches(row["score"], _threshold(results, row, frame_method)) for row in rows]
+        poses = all_poses.filter(is_here).sort_by("frame_index")
+        strong = [row["score"] >= _threshold(results, row, frame_method) for row in rows]
         seen |= {row["class_id"] for row, is_one in zip(rows, strong, strict=True) if is_one}
         view = TopView(
             xy=np.array([(row["x_m"], row["y_m"]) for row in rows]).reshape(-1, 2),
@@ -95,7 +95,7 @@ def maps(
             ],
             is_strong=np.array(strong, dtype=np.bool_),
             yaw_rad=np.array([row["yaw_rad"] for row in rows], dtype=np.float64),
-            path=_path(poses),
+            path=centers_from_above(poses),
         )
         remark = f"{plural(len(rows), 'object')}, {sum(strong)} at or above threshold"
         views.append((sequence_id, remark, top_view_svg(sequence_id, view)))
@@ -103,29 +103,12 @@ def maps(
     return views, legend, max(0, len(drawable) - MOST_MAPS)
 
 
-def _reaches(score: float, threshold: float | None) -> bool:
-    return threshold is None or score >= threshold
-
-
-def _threshold(results: Results, row: dict[str, int], frame_method: str) -> float | None:
+def _threshold(results: Results, row: dict[str, int], frame_method: str) -> float:
     """Tuned threshold of an object's class; objects see all frames, so the offline one is right."""
     base = frame_method.removesuffix(OFFLINE)
-    for method in (base + OFFLINE, base):
-        value = results.value(method, row["class_id"], "threshold")
-        if value is not None:
-            return value
-    return None
-
-
-def _known(poses: pa.Table) -> pa.Table:
-    return poses.filter(pc.field("status") != LOST)
+    values = (results.value(m, row["class_id"], "threshold") for m in (base + OFFLINE, base))
+    return next((value for value in values if value is not None), -np.inf)
 
 
 def _sequences(table: pa.Table) -> set[str]:
     return set(pc.unique(table["sequence_id"]).to_pylist())
-
-
-def _path(poses: pa.Table) -> NDArray[np.float64]:
-    """Camera centres (m, 2), NaN where the pose is lost."""
-    columns = [poses[name].to_numpy().astype(np.float64) for name in ("tx_m", "ty_m")]
-    return np.stack(columns, axis=-1)

@@ -184,5 +184,11 @@ def curve(matches: MatchColumns, class_id: int, n_annotations: int) -> Curve:
     return Curve(recall[is_right], precision[is_right])
 
 
+def centers_from_above(poses: pa.Table) -> NDArray[np.float64]:
+    """Camera centres (m, 2), NaN where there is no pose."""
+    columns = [poses[name].to_numpy().astype(np.float64) for name in ("tx_m", "ty_m")]
+    return np.stack(columns, axis=-1)
+
+
 def _integers(column: pa.ChunkedArray) -> NDArray[np.int64]:
     return np.asarray(column.to_numpy(), dtype=np.int64)

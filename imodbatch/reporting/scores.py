@@ -1,21 +1,21 @@
 """The score tables: AP per class and method, and precision/recall at the tuned thresholds."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from imodbatch.reporting.csv_text import to_csv
-from imodbatch.reporting.grids import Cell, Column, Grid, Row, marked_best
-from imodbatch.reporting.names import AP_METRICS, method_style, number, percent, plural
+from imodbatch.reporting.grids import Cell, Column, Grid, Row, marked_best, method_columns
+from imodbatch.reporting.names import AP_METRICS, number, percent, plural
 from imodbatch.reporting.paper import MARK, PaperColumn
 from imodbatch.reporting.results import Results
 from imodbatch.tables.schemas import BACKGROUND_CLASS_ID, MEAN_CLASS_ID, SEVERAL_IOUS
 
-HEADLINE = "ap_voc07_11pt"
+HEADLINE, MEAN = "ap_voc07_11pt", "mean"
 
 
 def class_rows(classes: Sequence[str], with_background: bool = False) -> list[tuple[int, str]]:
     """Id and name of every row of a table: the classes, the background if asked for, the mean."""
     background = [(BACKGROUND_CLASS_ID, "background")] if with_background else []
-    return [*enumerate(classes), *background, (MEAN_CLASS_ID, "mean")]
+    return [*enumerate(classes), *background, (MEAN_CLASS_ID, MEAN)]
 
 
 def ap_metrics(results: Results) -> list[tuple[str, int]]:
@@ -58,8 +58,8 @@ def ap_grid(
         rows.append(Row(name, tuple(cells), class_id == MEAN_CLASS_ID))
     columns = (
         *([Column("annotations")] if is_headline else []),
-        *_method_columns(results),
-        *(Column(c.name, f"{MARK}, {c.group}") for c in paper),
+        *method_columns(results.methods),
+        *map(paper_head, paper),
     )
     title = ap_title(metric, iou_percent)
     return Grid(f"{metric}-{iou_percent}", title, "class", columns, tuple(rows))
@@ -90,7 +90,7 @@ def precision_recall_grid(results: Results, classes: Sequence[str]) -> Grid:
         for class_id, name in class_rows(classes, with_background=True)
     ]
     title = f"Precision/recall in percent (AP), IoU ≥ {results.main_iou / 100:.2f}"
-    return Grid("precision-recall", title, "class", tuple(_method_columns(results)), tuple(rows))
+    return Grid("precision-recall", title, "class", method_columns(results.methods), tuple(rows))
 
 
 def paper_precision_recall_grid(
@@ -100,13 +100,21 @@ def paper_precision_recall_grid(
     columns = [column for column in paper if column.precision_recall]
     if not columns:
         return None
-    rows = [
-        Row(name, tuple(paper_cell(c, name) for c in columns), class_id == MEAN_CLASS_ID)
-        for class_id, name in class_rows(classes, with_background=True)
-    ]
-    heads = tuple(Column(c.name, f"{MARK}, {c.group}") for c in columns)
+    names = [name for _, name in class_rows(classes, with_background=True)]
     title = "The same in the paper's Table 2, on other data"
-    return Grid("precision-recall-paper", title, "class", heads, tuple(rows))
+    return paper_grid("precision-recall-paper", title, names, columns)
+
+
+def paper_grid(name: str, title: str, rows: Iterable[str], columns: Sequence[PaperColumn]) -> Grid:
+    """Columns of the paper's Table 2 as printed, a row per name."""
+    cells = {row: tuple(paper_cell(column, row) for column in columns) for row in rows}
+    grid_rows = tuple(Row(row, found, row == MEAN) for row, found in cells.items())
+    return Grid(name, title, "class", tuple(map(paper_head, columns)), grid_rows)
+
+
+def paper_head(column: PaperColumn) -> Column:
+    """The heading of a column of the paper, marked as such."""
+    return Column(column.name, f"{MARK}, {column.group}")
 
 
 def paper_cell(column: PaperColumn, name: str) -> Cell:
@@ -116,6 +124,11 @@ def paper_cell(column: PaperColumn, name: str) -> Cell:
         return Cell(number(None))
     precision, recall = (f"{value:.2f}".removesuffix("0") for value in pair)  # as printed
     return Cell(f"{precision}/{recall} ({number(column.ap.get(name))})")
+
+
+def triple(precision: float | None, recall: float | None, ap: float | None) -> str:
+    """Precision/recall in percent, and AP."""
+    return f"{percent(precision)}/{percent(recall)} ({number(ap)})"
 
 
 def precision_recall_csv(results: Results, classes: Sequence[str]) -> str:
@@ -133,11 +146,6 @@ def precision_recall_csv(results: Results, classes: Sequence[str]) -> str:
     return to_csv(head, rows)
 
 
-def _method_columns(results: Results) -> list[Column]:
-    styles = [method_style(method) for method in results.methods]
-    return [Column(s.name, "", s.color, s.is_dashed) for s in styles]
-
-
 def _n_annotations(results: Results, class_id: int, n_classes: int) -> int:
     if class_id == MEAN_CLASS_ID:
         return sum(results.n_evaluated(i) for i in range(n_classes))
@@ -153,6 +161,5 @@ def _triple(results: Results, method: str, class_id: int) -> Cell:
         results.value(method, class_id, metric)
         for metric in ("precision", "recall", HEADLINE, "threshold")
     )
-    text = f"{percent(precision)}/{percent(recall)} ({number(ap)})"
     has_limit = threshold is not None and class_id != MEAN_CLASS_ID
-    return Cell(text, f"≥ {number(threshold, 2)}" if has_limit else "")
+    return Cell(triple(precision, recall, ap), f"≥ {number(threshold, 2)}" if has_limit else "")

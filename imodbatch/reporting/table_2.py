@@ -6,7 +6,7 @@ import numpy as np
 
 from imodbatch.reporting.comparison import Comparison
 from imodbatch.reporting.grids import Cell, Column, Grid, Row
-from imodbatch.reporting.names import DASH, number, percent, plural
+from imodbatch.reporting.names import DASH, number, plural
 from imodbatch.reporting.operating_points import (
     HELD_OUT,
     NAMES,
@@ -15,11 +15,10 @@ from imodbatch.reporting.operating_points import (
     OperatingPoint,
     Table2Column,
 )
-from imodbatch.reporting.paper import MARK, TABLE_2, PaperColumn
-from imodbatch.reporting.scores import paper_cell
+from imodbatch.reporting.paper import TABLE_2, PaperColumn
+from imodbatch.reporting.scores import class_rows, paper_cell, paper_grid, paper_head, triple
 from imodbatch.tables.schemas import BACKGROUND_CLASS_ID, MEAN_CLASS_ID
 
-BACKGROUND, MEAN = "background", "mean"
 GRID_NAMES = {ON_TEST: "tuned-on-test", HELD_OUT: "held-out"}
 HOW_TUNED = {
     ON_TEST: "the threshold is chosen on the very sequences it is judged on, as the paper seems to "
@@ -50,21 +49,21 @@ def table_2(
         with_thresholds: whether cells also say from which score on boxes are kept.
     """
     rows = []
-    for class_id, name in table_2_rows(comparison.any_run.classes):
+    for class_id, name in class_rows(comparison.any_run.classes, with_background=True):
         aps = [_ap(column, class_id) for column in columns]
         best = max((number(ap) for ap in aps if not np.isnan(ap)), default="")
         cells = [Cell(_n_boxes(comparison, class_id))]
         for column, ap in zip(columns, aps, strict=True):
             point = column.points.get(tuning)
-            text = _triple(precision_recall(point, class_id), ap)
+            text = triple(*precision_recall(point, class_id), ap)
             note = _note(comparison, column, point, class_id, with_thresholds)
             cells.append(Cell(text, note, number(ap) == best))
         cells += [paper_cell(column, name) for column in paper]
-        rows.append(Row(name, tuple(cells), name == MEAN))
+        rows.append(Row(name, tuple(cells), class_id == MEAN_CLASS_ID))
     n_grids = len(comparison.groups)
     heads = [Column("boxes", "true")]
     heads += [Column(c.name, c.group if n_grids == 1 else f"{c.grid}, {c.group}") for c in columns]
-    heads += [Column(c.name, f"{MARK}, {c.group}") for c in paper]
+    heads += map(paper_head, paper)
     iou = comparison.any_run.results.main_iou / 100
     title = f"Precision/recall in percent (AP), IoU ≥ {iou:.2f}: {tuning}"
     return Grid(GRID_NAMES[tuning], title, "class", tuple(heads), tuple(rows))
@@ -72,21 +71,13 @@ def table_2(
 
 def paper_table_2() -> Grid:
     """The paper's Table 2 as printed, with its own classes."""
-    names = TABLE_2[0].precision_recall
-    rows = [Row(n, tuple(paper_cell(c, n) for c in TABLE_2), n == MEAN) for n in names]
-    heads = tuple(Column(c.name, f"{MARK}, {c.group}") for c in TABLE_2)
     title = "The paper's Table 2 as printed, on other data: precision/recall in percent (AP)"
-    return Grid("paper", title, "class", heads, tuple(rows))
+    return paper_grid("paper", title, TABLE_2[0].precision_recall, TABLE_2)
 
 
 def beside(classes: Sequence[str]) -> tuple[PaperColumn, ...]:
     """The paper's columns if it has one of the classes."""
     return TABLE_2 if set(classes) & set(TABLE_2[0].ap) else ()
-
-
-def table_2_rows(classes: Sequence[str]) -> list[tuple[int, str]]:
-    """Class id and name of every row."""
-    return [*enumerate(classes), (BACKGROUND_CLASS_ID, BACKGROUND), (MEAN_CLASS_ID, MEAN)]
 
 
 def precision_recall(point: OperatingPoint | None, class_id: int) -> tuple[float, float]:
@@ -148,21 +139,11 @@ def _sentence(tuning: str) -> str:
 
 
 def _ap(column: Table2Column, class_id: int) -> float:
-    if class_id == BACKGROUND_CLASS_ID:
-        return float("nan")
-    return column.mean_ap if class_id == MEAN_CLASS_ID else float(column.aps[class_id])
+    return float("nan") if class_id == BACKGROUND_CLASS_ID else column.ap(class_id)
 
 
 def _n_boxes(comparison: Comparison, class_id: int) -> str:
-    if class_id == BACKGROUND_CLASS_ID:
-        return ""
-    counts = comparison.n_annotations
-    return f"{(counts if class_id == MEAN_CLASS_ID else counts[class_id]).sum():,}"
-
-
-def _triple(pair: tuple[float, float], ap: float) -> str:
-    precision, recall = pair
-    return f"{percent(precision)}/{percent(recall)} ({number(ap)})"
+    return "" if class_id == BACKGROUND_CLASS_ID else f"{comparison.n_counted(class_id):,}"
 
 
 def _note(
@@ -180,7 +161,7 @@ def _note(
         parts.append(_limits(point, class_id))
     if column.group == SINGLE:
         if not comparison.n_annotations[class_id].sum():
-            parts.append(plural(int(column.n_false_positives[class_id]), "false positive"))
+            parts.append(plural(column.n_false_positives(class_id), "false positive"))
         elif point is not None:
             n = int(point.n_untuned(comparison.n_annotations)[class_id])
             parts.append(f"{plural(n, 'true box')} left out: no threshold" if n else "")

@@ -9,8 +9,9 @@ import pyarrow as pa
 from imodbatch.reporting.comparison import Comparison
 from imodbatch.reporting.operating_points import TUNINGS, Table2Column
 from imodbatch.reporting.paper import MARK, TABLE_2
-from imodbatch.reporting.table_2 import precision_recall, table_2_rows
-from imodbatch.tables.schemas import MEAN_CLASS_ID
+from imodbatch.reporting.scores import class_rows
+from imodbatch.reporting.table_2 import precision_recall
+from imodbatch.tables.schemas import BACKGROUND_CLASS_ID
 
 OURS = "ours"
 FIGURES = pa.schema(
@@ -54,7 +55,7 @@ def figures_table(comparison: Comparison, columns: Sequence[Table2Column]) -> pa
         _figures(comparison, column, tuning, class_id, name)
         for column in columns
         for tuning in TUNINGS
-        for class_id, name in table_2_rows(classes)
+        for class_id, name in class_rows(classes, with_background=True)
     ]
     return pa.Table.from_pylist([*rows, *_paper_rows(classes)], schema=FIGURES)
 
@@ -93,22 +94,21 @@ def _figures(
         **{"class_id": class_id, "class_name": name},
         **{"precision": _or_none(precision), "recall": _or_none(recall)},
     }
-    if class_id == MEAN_CLASS_ID:
-        row |= {"ap_voc07_11pt": _or_none(column.mean_ap)}
+    if class_id != BACKGROUND_CLASS_ID:
+        row |= {"ap_voc07_11pt": _or_none(column.ap(class_id))}
     if class_id < 0:
         return row
     return {
         **row,
-        "ap_voc07_11pt": _or_none(column.aps[class_id]),
-        "n_annotations": int(comparison.n_annotations[class_id].sum()),
+        "n_annotations": comparison.n_counted(class_id),
         "n_kept": None if point is None else int(point.counts.n_kept[class_id]),
         "n_true_positives": None if point is None else int(point.counts.n_hits[class_id]),
-        "n_false_positives_any_score": int(column.n_false_positives[class_id]),
+        "n_false_positives_any_score": column.n_false_positives(class_id),
     }
 
 
 def _paper_rows(classes: Sequence[str]) -> list[dict[str, Any]]:
-    ids = {name: class_id for class_id, name in table_2_rows(classes)}
+    ids = {name: class_id for class_id, name in class_rows(classes, with_background=True)}
     return [
         {
             **{"source": MARK, "group": column.group, "column": column.name},
