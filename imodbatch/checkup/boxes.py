@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting, skipped
+from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, failed, setting, skipped
 from imodbatch.checkup.subject import Subject
 from imodbatch.core.errors import ImodError
 from imodbatch.datasets.annotations import read_entries as annotated_boxes
@@ -44,14 +44,14 @@ def check_boxes(subject: Subject, entries: list[Entry] | ImodError) -> Outcome:
     if subject.manifest.annotations.format == "none":
         return skipped("boxes", "no annotations")
     if isinstance(entries, ImodError):
-        return Outcome("boxes", "", (Finding(ERROR, str(entries)),))
+        return failed("boxes", str(entries))
     own = [e for e in entries if e.frame_index is not None and not e.left_out]
     if not own:
         seen = (
             f"None of {len(entries)} annotations is of a frame of this sequence. Check "
             "annotations.path, the file names in it, and the sequence's frames."
         )
-        return Outcome("boxes", "", (Finding(ERROR, seen),))
+        return failed("boxes", seen)
     boxes = np.array([entry.box for entry in own], dtype=np.float64).reshape(-1, 4)
     findings = [
         *_unsound(boxes, subject, own),

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from imodbatch.checkup.edges import EdgeFit
-from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting
+from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, camera_settings, skipped
 from imodbatch.checkup.focal import FocalFit
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.datasets.base import CameraModel
@@ -47,7 +47,7 @@ def check_registration(
 ) -> Outcome:
     """The check `registration`: do depth edges fall on colour edges?"""
     if edges is None:
-        return Outcome("registration", "too few depth edges in the sampled frames", is_skipped=True)
+        return skipped("registration", "too few depth edges in the sampled frames")
     across, down = edges.shift_px
     beside = f"; {across:+.0f}, {down:+.0f} px beside them" if (across or down) else ""
     summary = (
@@ -72,8 +72,7 @@ def check_focal(
     if unsquare is not None:
         return Outcome("focal_length", "", (unsquare,))
     if focal is None:
-        why = "too few pairs of views whose features tell a motion"
-        return Outcome("focal_length", why, is_skipped=True)
+        return skipped("focal_length", "too few pairs of views whose features tell a motion")
     summary = (
         f"features move as with {100 * focal.factor:.0f} ± {100 * focal.sigma:.0f} % of the "
         f"manifest's ({focal.n_pairs} pairs)"
@@ -127,7 +126,7 @@ def unsquare_finding(camera: PinholeCamera, costs: dict[str, float], as_given: f
         return Finding(WARNING, seen, figures={"gain": gain})
     value = camera.fy_px if key == "fx_px" else camera.fx_px
     seen += f" With {key} = {value:g} features fit {100 * (gain - 1):.0f} % better."
-    return Finding(ERROR, seen, (setting("camera", f"color.{key}", value),), {"gain": gain})
+    return Finding(ERROR, seen, camera_settings("color", **{key: value}), {"gain": gain})
 
 
 def _explain(
@@ -146,10 +145,8 @@ def _explain(
     if depth != color:  # else both change together and edges stay where they are
         options.append((size, size, FREE_COST, *_color_wrong(color, edges.size)))
     if abs(ratio) > LEAST_EDGE_LOG:
-        color_lines, depth_lines = (
-            _lines("color", depth_fx, depth_fy),
-            _lines("depth", color_fx, color_fy),
-        )
+        color_lines = _lines("color", depth_fx, depth_fy)
+        depth_lines = _lines("depth", color_fx, color_fy)
         swapped = "the focal lengths of colour and depth are swapped"
         registered = "depth is registered to colour and has its focal length"
         both_depth = "both images have the focal length of depth"
@@ -181,17 +178,12 @@ def _depth_wrong(model: CameraModel, size: float) -> tuple[str, tuple[str, ...]]
     lines = _lines("depth", fx, fy)
     if depth == model.color:
         lines = (
-            setting("camera", "depth.width_px", depth.width_px),
-            setting("camera", "depth.height_px", depth.height_px),
+            *camera_settings("depth", width_px=depth.width_px, height_px=depth.height_px),
             *lines,
-            setting("camera", "depth.cx_px", depth.cx_px),
-            setting("camera", "depth.cy_px", depth.cy_px),
+            *camera_settings("depth", cx_px=depth.cx_px, cy_px=depth.cy_px),
         )
     return f"the focal length of depth is about {fx:.0f} px", lines
 
 
 def _lines(kind: str, fx_px: float, fy_px: float) -> tuple[str, ...]:
-    return (
-        setting("camera", f"{kind}.fx_px", float(f"{fx_px:.5g}")),
-        setting("camera", f"{kind}.fy_px", float(f"{fy_px:.5g}")),
-    )
+    return camera_settings(kind, fx_px=float(f"{fx_px:.5g}"), fy_px=float(f"{fy_px:.5g}"))

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting
+from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting, skipped
 from imodbatch.checkup.views import View
 from imodbatch.datasets.base import CameraModel
 
@@ -18,7 +18,7 @@ def check_depth_values(model: CameraModel, views: list[View]) -> Outcome:
     """The check `depth_values`."""
     check = "depth_values"
     if not views:
-        return Outcome(check, "no frame with readable depth", is_skipped=True)
+        return skipped(check, "no frame with readable depth")
     sampled = [view.depth_m[::STRIDE_PX, ::STRIDE_PX] for view in views]
     known = float(np.mean([np.isfinite(depth).mean() for depth in sampled]))
     numbers = np.concatenate([depth[np.isfinite(depth)] for depth in sampled])

@@ -23,14 +23,14 @@ from imodbatch.checkup.cameras import (
 from imodbatch.checkup.depth_values import check_depth_values, median_depth_m
 from imodbatch.checkup.edges import fit_edges
 from imodbatch.checkup.files import check_files
-from imodbatch.checkup.finding import ERROR, Finding, Outcome, skipped
+from imodbatch.checkup.finding import Outcome, failed, skipped
 from imodbatch.checkup.focal import camera_costs, fit_focal
 from imodbatch.checkup.lifted import box_frames, check_lifted
 from imodbatch.checkup.motions import Motions, measure
 from imodbatch.checkup.subject import Subject
 from imodbatch.checkup.trajectory import check_poses, check_stamps
 from imodbatch.checkup.upright import check_up
-from imodbatch.checkup.views import Sample, View, draw, reader
+from imodbatch.checkup.views import Sample, View, draw, evenly, reader
 from imodbatch.core.depth import DepthImage
 from imodbatch.core.errors import ImodError
 from imodbatch.datasets.annotations.entries import Entry
@@ -115,7 +115,7 @@ def _examine(
 
 
 def _only_error(sequence: SequenceSection, message: str) -> Examined:
-    return Examined(sequence.id, (Outcome("files", "", (Finding(ERROR, message),)),))
+    return Examined(sequence.id, (failed("files", message),))
 
 
 def _until(check: str) -> Outcome:
@@ -154,7 +154,6 @@ def _of_cameras(
     subject: Subject, motions: Motions, verdict: claims.Verdict | None, sample: Sample
 ) -> list[Outcome]:
     model, views = subject.cameras, list(sample.views.values())
-    rows = np.unique(np.linspace(0, len(views) - 1, MOST_EDGE_VIEWS).round().astype(int))
     b_from_a = None if verdict is None else verdict.best.b_from_a
     candidates = square_candidates(model.color)
     if candidates:
@@ -166,7 +165,7 @@ def _of_cameras(
             costs = dict(zip(candidates, others, strict=True))
         unsquare = unsquare_finding(model.color, costs, as_given)
         return [_until("registration"), check_focal(model, None, None, unsquare)]
-    edges = fit_edges([views[row] for row in rows]) if views else None
+    edges = fit_edges(evenly(views, MOST_EDGE_VIEWS))
     focal = fit_focal(motions, b_from_a)
     return [check_registration(model, edges, focal), check_focal(model, edges, focal, None)]
 

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting
+from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, camera_settings
 from imodbatch.checkup.subject import Subject
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.errors import DataError
@@ -147,20 +147,16 @@ def _size_outcome(
 
 def _camera_lines(kind: str, camera: PinholeCamera, size: tuple[int, int]) -> tuple[str, ...]:
     """Size for the manifest; the intrinsics too unless their centre is that of the new size."""
-    lines = [
-        setting("camera", f"{kind}.width_px", size[0]),
-        setting("camera", f"{kind}.height_px", size[1]),
-    ]
+    lines = camera_settings(kind, width_px=size[0], height_px=size[1])
     off_center = (
         abs(camera.cx_px - size[0] / 2) / size[0],
         abs(camera.cy_px - size[1] / 2) / size[1],
     )
     if max(off_center) > CENTERED_SHARE:
         across, down = size[0] / camera.width_px, size[1] / camera.height_px
-        lines += [
-            setting("camera", f"{kind}.fx_px", camera.fx_px * across),
-            setting("camera", f"{kind}.fy_px", camera.fy_px * down),
-            setting("camera", f"{kind}.cx_px", camera.cx_px * across),
-            setting("camera", f"{kind}.cy_px", camera.cy_px * down),
-        ]
-    return tuple(lines)
+        lines += camera_settings(
+            kind,
+            **{"fx_px": camera.fx_px * across, "fy_px": camera.fy_px * down},
+            **{"cx_px": camera.cx_px * across, "cy_px": camera.cy_px * down},
+        )
+    return lines

@@ -26,6 +26,11 @@ class Finding:
     mend: tuple[str, ...] = ()
     figures: dict[str, float] = field(default_factory=dict)
 
+    def as_json(self) -> dict[str, Any]:
+        """The same for a JSON file, which knows no NaN."""
+        figures = {k: v if math.isfinite(v) else None for k, v in self.figures.items()}
+        return {**vars(self), "mend": list(self.mend), "figures": figures}
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -54,18 +59,7 @@ class Outcome:
             "check": self.check,
             "state": "skipped" if self.is_skipped else "found" if self.findings else "passed",
             "summary": self.summary,
-            "findings": [
-                {
-                    "severity": finding.severity,
-                    "seen": finding.seen,
-                    "mend": list(finding.mend),
-                    "figures": {
-                        name: value if math.isfinite(value) else None
-                        for name, value in finding.figures.items()
-                    },
-                }
-                for finding in self.findings
-            ],
+            "findings": [finding.as_json() for finding in self.findings],
         }
 
 
@@ -74,9 +68,19 @@ def skipped(check: str, why: str) -> Outcome:
     return Outcome(check, why, is_skipped=True)
 
 
+def failed(check: str, seen: str, mend: tuple[str, ...] = (), **figures: float) -> Outcome:
+    """A check that found one error and has nothing else to tell."""
+    return Outcome(check, "", (Finding(ERROR, seen, mend, figures),))
+
+
 def setting(section: str, key: str, value: object) -> str:
     """A line for the manifest: ``[camera] depth.scale_m = 0.001``."""
     return f"[{section}] {key} = {_toml(value)}"
+
+
+def camera_settings(kind: str, **values: float) -> tuple[str, ...]:
+    """Lines for one of the cameras, ``[camera] depth.fx_px = 525.0`` each."""
+    return tuple(setting("camera", f"{kind}.{key}", value) for key, value in values.items())
 
 
 def _toml(value: object) -> str:

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, skipped
+from imodbatch.checkup.finding import WARNING, Finding, Outcome, failed, skipped
+from imodbatch.checkup.views import evenly
 from imodbatch.core.camera import PinholeCamera
 from imodbatch.core.depth import DepthImage, box_depth
 from imodbatch.core.frames import apply, invert
@@ -90,9 +91,8 @@ def box_frames(
         if is_box and entry.frame_index in position_of:
             of_frame.setdefault(position_of[entry.frame_index], []).append(entry)
     usable = [p for p in sorted(of_frame) if np.isfinite(world_from_cam[p, 0, 0])]
-    chosen = np.unique(np.linspace(0, len(usable) - 1, N_FRAMES).round().astype(int))
     frames = []
-    for position in [usable[i] for i in chosen] if usable else []:
+    for position in evenly(usable, N_FRAMES):
         depth_m = read_depth(position)
         if depth_m is None:
             continue
@@ -113,7 +113,7 @@ def check_lifted(frames: list[BoxFrame], camera: PinholeCamera) -> Outcome:
     check = "boxes_in_world"
     given = distances(frames, camera, [frame.boxes for frame in frames])
     known = np.isfinite(given)
-    n_found, figures = int(known.sum()), {}
+    n_found = int(known.sum())
     best_name, best_m, given_m = "", np.inf, np.inf
     for name in mirrored(np.zeros((1, 4)), 1, 1):
         boxes = [mirrored(f.boxes, camera.width_px, camera.height_px)[name] for f in frames]
@@ -133,8 +133,7 @@ def check_lifted(frames: list[BoxFrame], camera: PinholeCamera) -> Outcome:
             f"lie {given_m:.2f} m apart (median), {best_m:.2f} m if the boxes are turned back. "
             "Correct the annotation file."
         )
-        figures = {"apart_m": given_m, "best_apart_m": best_m}
-        return Outcome(check, "", (Finding(ERROR, seen, figures=figures),))
+        return failed(check, seen, apart_m=given_m, best_apart_m=best_m)
     if n_found < FEWEST_PAIRS:
         return skipped(check, f"{n_found} pairs of boxes in two views, {FEWEST_PAIRS} needed")
     apart_m = float(np.median(given[known]))

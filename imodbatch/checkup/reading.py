@@ -3,7 +3,7 @@
 import numpy as np
 
 from imodbatch.checkup.claims import Claim, Order, Verdict
-from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting
+from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, failed, setting
 from imodbatch.checkup.motions import Motions
 from imodbatch.checkup.subject import Subject
 from imodbatch.checkup.units import (
@@ -129,7 +129,7 @@ def check_timing(subject: Subject, verdict: Verdict) -> Outcome:
             f". The file's poses belong {n} frames {'earlier' if lag > 0 else 'later'}: renumber"
         )
         seen += " them, or check that no frame is missing"
-    return Outcome("pose_timing", "", (Finding(ERROR, seen + ".", mend, figures),))
+    return failed("pose_timing", seen + ".", mend, **figures)
 
 
 def check_units(subject: Subject, verdict: Verdict | None, median_depth_m: float) -> Outcome:

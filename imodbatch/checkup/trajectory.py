@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting, skipped
+from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, failed, setting, skipped
 from imodbatch.checkup.subject import Subject
 from imodbatch.core.alignment import rotation_angle_rad
 from imodbatch.core.errors import ImodError
@@ -36,7 +36,7 @@ def check_poses(subject: Subject, motion: Ask) -> Outcome:
     if trajectory is None:
         return skipped("poses", "the dataset gives none (poses.source = 'slam' or 'sfm' estimates)")
     if isinstance(trajectory, ImodError):
-        return Outcome("poses", "", (Finding(ERROR, str(trajectory), _offset_line(subject)),))
+        return failed("poses", str(trajectory), _offset_line(subject))
     poses = trajectory.poses.world_from_cam
     known = np.isfinite(poses[:, 0, 0])
     findings = [

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, setting, skipped
-from imodbatch.checkup.views import View
+from imodbatch.checkup.finding import ERROR, WARNING, Finding, Outcome, failed, setting, skipped
+from imodbatch.checkup.views import View, evenly
 from imodbatch.core.errors import DataError
 from imodbatch.poses.levelling import MAX_DEPTH_M, estimate_up
 from imodbatch.poses.levelling.up import Up
@@ -25,7 +25,7 @@ def check_up(world: WorldSection, views: list[View], world_from_cam: Array, wher
     except DataError as error:
         if world.up != "estimate":
             return skipped("up", f"the scene does not tell: {error}")
-        return Outcome("up", "", (Finding(ERROR, str(error)),))
+        return failed("up", str(error))
     given = world.direction()
     if given is None:
         return Outcome("up", str(found))
@@ -52,8 +52,7 @@ def nearest_axis(direction: Array) -> str | list[float]:
 
 def _estimate(views: list[View], world_from_cam: Array, where: str) -> Up:
     posed = [view for view in views if np.isfinite(world_from_cam[view.position, 0, 0])]
-    rows = np.unique(np.linspace(0, len(posed) - 1, MOST_VIEWS).round().astype(int))
-    chosen = [posed[row] for row in rows] if posed else []
+    chosen = evenly(posed, MOST_VIEWS)
     points = [_points(view) for view in chosen]
     return estimate_up(points, [world_from_cam[view.position] for view in chosen], where)
 

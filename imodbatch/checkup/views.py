@@ -1,8 +1,9 @@
 """Frames drawn from a sequence: evenly over it, in groups so near in time that views overlap."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from imodbatch.settings.manifest import Manifest
 
 Array = NDArray[np.float64]
 Pairs = list[tuple[int, int]]
+Item = TypeVar("Item")
 N_FEATURES = 700
 OFFSETS = ((0, 4, 12), (0, 2, 6), (0, 1, 3), (0, 1, 2))
 """Of the frames of a group; the closest are for robots that move far between frames."""
@@ -102,6 +104,14 @@ def draw(
     return Sample(views, sorted(set(pairs)))
 
 
+def evenly(items: Sequence[Item], most: int) -> list[Item]:
+    """At most so many of the items, evenly spread, both ends included."""
+    if not items:
+        return []
+    rows = np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))
+    return [items[row] for row in rows]
+
+
 def _offsets(n_frames: int, view: Callable[[int], View | None]) -> tuple[int, ...]:
     """The widest group whose ends share enough features at three places of the sequence."""
     for offsets in OFFSETS:
@@ -121,8 +131,7 @@ def _offsets(n_frames: int, view: Callable[[int], View | None]) -> tuple[int, ..
 
 def _starts(n_frames: int, n_groups: int, span: int) -> list[int]:
     """First positions of groups, evenly spread."""
-    last = max(n_frames - 1 - span, 0)
-    return np.unique(np.linspace(0, last, n_groups).round().astype(int)).tolist()
+    return evenly(range(max(n_frames - span, 1)), n_groups)
 
 
 def reader(
