@@ -100,7 +100,7 @@ def pose_section(
         view = PathView(path, centers_from_above(true), marks)
         paths.append((sequence_id, _remark(status), path_svg(sequence_id, view)))
     return PoseSection(
-        [_grid(figures, sequence_ids), *_source_grids(figures, sequence_ids)],
+        _grids(figures, sequence_ids),
         paths,
         [(kind, color) for kind, color in MARKS.items() if kind in kinds],
         reference_poses.num_rows > 0,
@@ -108,37 +108,28 @@ def pose_section(
     )
 
 
-def _grid(figures: Figures, sequence_ids: Sequence[str]) -> Grid:
-    """Sequences down, figures across; a figure that no sequence has gets no column."""
-    found = _metrics(figures)
+def _grids(figures: Figures, sequence_ids: Sequence[str]) -> list[Grid]:
+    """Sequences down, figures across; then what the source says of itself, the other way round.
+
+    A figure that no sequence has is left out, and so is a source that says nothing.
+    """
+    known = (metric for (_, metric), row in figures.items() if row["value"] is not None)
+    found = dict.fromkeys(known)
     shown = {metric: looks for metric, looks in SHOWN.items() if metric in found}
     rows = tuple(
         Row(name, tuple(_cell(m, looks, figures.get((name, m))) for m, looks in shown.items()))
         for name in sequence_ids
     )
     columns = tuple(Column(looks.heading, looks.group) for looks in shown.values())
-    return Grid("poses", "How good the camera poses are", "sequence", columns, rows)
-
-
-def _source_grids(figures: Figures, sequence_ids: Sequence[str]) -> list[Grid]:
-    """What the source says of itself, figures down, sequences across; none if it says nothing."""
-    own = [name for name in _metrics(figures) if name not in SHOWN and name not in HIDDEN]
+    grids = [Grid("poses", "How good the camera poses are", "sequence", columns, rows)]
+    own = [metric for metric in found if metric not in SHOWN and metric not in HIDDEN]
     rows = tuple(
-        Row(
-            metric.replace("_", " "),
-            tuple(_cell(metric, OWN, figures.get((name, metric))) for name in sequence_ids),
-        )
-        for metric in own
+        Row(m.replace("_", " "), tuple(_cell(m, OWN, figures.get((s, m))) for s in sequence_ids))
+        for m in own
     )
-    columns = tuple(Column(name) for name in sequence_ids)
     title = "What the source of the poses says of itself"
-    return [Grid("poses-source", title, "figure", columns, rows)] if rows else []
-
-
-def _metrics(figures: Figures) -> list[str]:
-    """The metrics that some sequence has a value of."""
-    found = (metric for (_, metric), row in figures.items() if row["value"] is not None)
-    return list(dict.fromkeys(found))
+    columns = tuple(map(Column, sequence_ids))
+    return [*grids, Grid("poses-source", title, "figure", columns, rows)] if own else grids
 
 
 def _cell(metric: str, looks: _Shown, row: dict[str, float] | None) -> Cell:

@@ -1,6 +1,6 @@
 """From finished runs to one comparison: Table 1 with intervals and azimuths, or Table 2."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import wrap
@@ -37,85 +37,40 @@ NO_AZIMUTHS = "No annotation says from which azimuth its object is seen."
 
 
 @dataclass(frozen=True)
-class Block:
-    """One table with what is to be said of it and its figures in full precision."""
-
-    grid: Grid
-    remark: str
-    csv: str
-
-
-@dataclass(frozen=True)
 class Document:
-    """A comparison, ready to be shown."""
-
-    heading: str
-    blocks: tuple[Block, ...]
-    closing: str = ""
-
-    def text(self) -> str:
-        """For a terminal."""
-        parts = [f"{block.grid.text()}\n{_wrapped(block.remark)}\n" for block in self.blocks]
-        return "\n".join([f"{self.heading}\n", *parts, *self._closing()])
-
-    def markdown(self) -> str:
-        """The same as Markdown."""
-        parts = [f"{block.grid.markdown()}\n{block.remark}\n" for block in self.blocks]
-        return "\n".join([f"## {self.heading}\n", *parts, *self._closing()])
-
-    def _closing(self) -> list[str]:
-        return [f"{self.closing}\n"] if self.closing else []
-
-    def write(self, folder: Path) -> Path:
-        """Write compare.md and a CSV file per table; returns the former."""
-        folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / "compare.md", self.markdown())
-        for block in self.blocks:
-            write_text(folder / f"{block.grid.name}.csv", block.csv)
-        return folder / "compare.md"
-
-
-@dataclass(frozen=True)
-class Table2:
-    """Table 2, ready to be shown.
+    """A comparison, ready to be shown.
 
     Attributes:
-        grids: for a terminal: a table per tuning, and the paper's.
-        wide_grids: for a page: a table per tuning with thresholds, the paper's columns beside.
-        remarks: what is to be said of them, a paragraph each.
-        tables: by file name, in full precision.
+        heading: which runs.
+        parts: tables and what is to be said of them, in their order, a paragraph a line.
+        files: by name, the page first: text, or a table for Parquet.
+        page_grids: the tables of the page, which has room for wider ones than a terminal.
     """
 
     heading: str
-    grids: tuple[Grid, ...]
-    wide_grids: tuple[Grid, ...]
-    remarks: tuple[str, ...]
-    tables: dict[str, pa.Table]
+    parts: tuple[Grid | str, ...]
+    files: Mapping[str, str | pa.Table]
+    page_grids: tuple[Grid, ...]
 
     def text(self) -> str:
         """For a terminal."""
-        parts = [f"{grid.text()}\n" for grid in self.grids]
-        return (
-            f"{self.heading}\n\n" + "".join(parts) + "\n".join(map(_wrapped, self.remarks)) + "\n"
-        )
+        parts = (p.text() if isinstance(p, Grid) else _wrapped(p) for p in self.parts)
+        return "\n".join([f"{self.heading}\n", *parts])
 
     def write(self, folder: Path) -> Path:
-        """Write table2.html, and CSV and Parquet files; returns the page."""
+        """Write the files; returns the page."""
         folder.mkdir(parents=True, exist_ok=True)
-        for name, table in self.tables.items():
-            write_text(folder / f"{name}.csv", csv_of(table))
-            with replacing(folder / f"{name}.parquet") as file:
-                pq.write_table(table, file, compression="zstd")
-        context = {
-            **{"heading": self.heading, "grids": self.wide_grids, "remarks": self.remarks},
-            **{"files": list(self.tables), "paper_mark": MARK},
-        }
-        write_text(folder / "table2.html", page("table2.html.j2", context))
-        return folder / "table2.html"
+        for name, content in self.files.items():
+            if isinstance(content, str):
+                write_text(folder / name, content)
+                continue
+            with replacing(folder / name) as file:
+                pq.write_table(content, file, compression="zstd")
+        return folder / next(iter(self.files))
 
 
-def _wrapped(text: str) -> str:
-    return "\n".join(wrap(text, TERMINAL_WIDTH))
+def _wrapped(paragraphs: str) -> str:
+    return "".join(f"{line}\n" for p in paragraphs.splitlines() for line in wrap(p, TERMINAL_WIDTH))
 
 
 def compare_folders(folders: Sequence[Path], n_resamples: int) -> Document:
@@ -131,21 +86,25 @@ def compare_folders(folders: Sequence[Path], n_resamples: int) -> Document:
     """
     comparison = compare_runs([open_run(folder) for folder in folders])
     found = estimates(comparison, n_resamples)
-    remark = interval_remark(comparison, n_resamples)
-    blocks = [
-        Block(table_1(comparison), table_remark(comparison), table_1_csv(comparison)),
-        Block(estimates_grid(found), remark, estimates_csv(found)),
-    ]
-    azimuths = azimuth_block(comparison)
-    if azimuths is not None:
-        blocks.append(
-            Block(azimuth_grid(azimuths), azimuth_remark(azimuths), azimuth_csv(azimuths))
-        )
-    closing = NO_AZIMUTHS if azimuths is None else ""
-    return Document(_heading(comparison), tuple(blocks), closing)
+    ap, intervals = table_1(comparison), estimates_grid(found)
+    csv = {ap.name: table_1_csv(comparison), intervals.name: estimates_csv(found)}
+    parts: list[Grid | str] = [ap, table_remark(comparison)]
+    parts += [intervals, interval_remark(comparison, n_resamples)]
+    if azimuths := azimuth_block(comparison):
+        grid = azimuth_grid(azimuths)
+        csv[grid.name] = azimuth_csv(azimuths)
+        parts += [grid, azimuth_remark(azimuths)]
+    else:
+        parts.append(NO_AZIMUTHS)
+    heading = _heading(comparison)
+    shown = (part.markdown() if isinstance(part, Grid) else f"{part}\n" for part in parts)
+    files = {"compare.md": "\n".join([f"## {heading}\n", *shown])}
+    files |= {f"{name}.csv": text for name, text in csv.items()}
+    grids = tuple(part for part in parts if isinstance(part, Grid))
+    return Document(heading, tuple(parts), files, grids)
 
 
-def table_2_of_folders(folders: Sequence[Path]) -> Table2:
+def table_2_of_folders(folders: Sequence[Path]) -> Document:
     """Table 2 of the runs that lie in some folders.
 
     Args:
@@ -162,16 +121,21 @@ def table_2_of_folders(folders: Sequence[Path]) -> Table2:
     paper = beside(comparison.any_run.classes)
     plain = [table_2(comparison, columns, tuning) for tuning in TUNINGS]
     wide = [table_2(comparison, columns, t, paper, with_thresholds=True) for t in TUNINGS]
-    return Table2(
-        _heading(comparison),
-        (*plain, paper_table_2()),
-        tuple(wide) if paper else (*wide, paper_table_2()),
-        tuple(remarks(comparison, columns, step)),
-        {
-            "table2": figures_table(comparison, columns),
-            "table2_thresholds": thresholds_table(comparison, columns),
-        },
-    )
+    page_grids = tuple(wide) if paper else (*wide, paper_table_2())
+    said = remarks(comparison, columns, step)
+    tables = {
+        "table2": figures_table(comparison, columns),
+        "table2_thresholds": thresholds_table(comparison, columns),
+    }
+    context = {
+        **{"heading": _heading(comparison), "grids": page_grids, "remarks": said},
+        **{"files": list(tables), "paper_mark": MARK},
+    }
+    files = {"table2.html": page("table2.html.j2", context)}
+    files |= {f"{name}.csv": csv_of(table) for name, table in tables.items()}
+    files |= {f"{name}.parquet": table for name, table in tables.items()}
+    parts = (*plain, paper_table_2(), "\n".join(said))
+    return Document(_heading(comparison), parts, files, page_grids)
 
 
 def _threshold_step(comparison: Comparison) -> float:

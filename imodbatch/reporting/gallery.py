@@ -18,7 +18,6 @@ from imodbatch.reporting.run_info import RunInfo
 
 ReadColor = Callable[[str], NDArray[np.uint8]]
 FrameKey = tuple[str, int]
-BOX = ("x0_px", "y0_px", "x1_px", "y1_px")
 KINDS: dict[int, Kind] = {
     Outcome.TRUE_POSITIVE: "true_positive",
     Outcome.FALSE_POSITIVE: "false_positive",
@@ -65,27 +64,19 @@ def gallery(
     differing = _differing_frames(list(kept.values()), results.sequence_ids)
     shown = []
     for key in choose_frames(annotated, differing, n_frames):
-        row = _only(_of_frame(results, "frames", key))
-        if row is None:
+        rows = _of_frame(results, "frames", key)
+        if not rows:
             shown.append(FramePictures(*key, (), "the frames table has no such frame"))
             continue
         try:
-            image = read_color(row["color_path"])
+            image = read_color(rows[0]["color_path"])
         except DataError as error:
             shown.append(FramePictures(*key, (), str(error)))
             continue
-        pictures = [
-            _picture(
-                results,
-                info,
-                method,
-                kept[method],
-                key=key,
-                image=image,
-                max_width_px=max_width_px,
-            )
-            for method in methods
-        ]
+        pictures = (
+            _picture(results, info, method, matches, key, image, max_width_px)
+            for method, matches in kept.items()
+        )
         shown.append(FramePictures(*key, tuple(pictures)))
     return shown
 
@@ -132,7 +123,6 @@ def _picture(
     info: RunInfo,
     method: str,
     kept: MatchColumns,
-    *,
     key: FrameKey,
     image: NDArray[np.uint8],
     max_width_px: int,
@@ -173,10 +163,6 @@ def _of_frame(results: Results, table: str, key: FrameKey) -> list[dict[str, Any
     heavy = {"view_scores"} & set(chosen.column_names)
     rows: list[dict[str, Any]] = chosen.drop_columns(sorted(heavy)).to_pylist()
     return rows
-
-
-def _only(rows: list[dict[str, Any]]) -> dict[str, Any] | None:
-    return rows[0] if rows else None
 
 
 def _box(row: dict[str, Any]) -> tuple[float, float, float, float]:

@@ -52,13 +52,11 @@ def status_counts(tables: Mapping[str, pa.Table]) -> list[StatusCount]:
     for name, stage in STAGE_OF_TABLE.items():
         keys = ["sequence_id", "status"] if name in WITH_STATUS else ["sequence_id"]
         groups = tables[name].group_by(keys).aggregate([([], "count_all")]).to_pylist()
-        counts += sorted(
-            (
-                StatusCount(stage, g["sequence_id"], g.get("status", name), g["count_all"])
-                for g in groups
-            ),
-            key=lambda c: (c.sequence_id, _place(c.status)),
+        found = (
+            StatusCount(stage, g["sequence_id"], g.get("status", name), g["count_all"])
+            for g in groups
         )
+        counts += sorted(found, key=lambda c: (c.sequence_id, _place(c.status)))
     return counts
 
 
@@ -83,10 +81,9 @@ def losses_grid(losses: pa.Table, info: RunInfo) -> Grid | None:
     rows = losses.to_pylist()
     if not rows:
         return None
-    found_causes = dict.fromkeys(row["cause"] for row in rows)
-    causes = [cause for cause in CAUSES if cause in found_causes]
-    causes += [cause for cause in found_causes if cause not in CAUSES]
     found = {(row["class_id"], row["cause"]): row for row in rows}
+    told = dict.fromkeys(row["cause"] for row in rows)
+    causes = [c for c in CAUSES if c in told] + [c for c in told if c not in CAUSES]
     class_ids = sorted({row["class_id"] for row in rows}, key=lambda i: (i < 0, i))
     grid_rows = []
     for class_id in class_ids:

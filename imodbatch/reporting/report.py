@@ -66,13 +66,7 @@ def run(
     paper = columns(config.paper, int(run_info.setting("viewpoint", "n_azimuths") or 16))
     counts = status_counts(complete)
     aps = [
-        ap_grid(
-            results,
-            run_info.classes,
-            metric,
-            iou,
-            paper if metric == HEADLINE and iou == results.main_iou else (),
-        )
+        ap_grid(results, run_info.classes, metric, iou, paper)
         for metric, iou in ap_metrics(results)
     ]
     at_threshold = [precision_recall_grid(results, run_info.classes)]
@@ -247,16 +241,8 @@ def _frames(
     """Frames under single view beside the chosen method, and why they may be absent."""
     wanted = dict.fromkeys(("single", config.frame_method))
     methods = [method for method in wanted if method in results.methods]
-    shown = []
-    if methods:
-        shown = gallery(
-            results,
-            info,
-            methods,
-            read_color,
-            n_frames=config.n_frames,
-            max_width_px=config.max_image_width_px,
-        )
+    size = {"n_frames": config.n_frames, "max_width_px": config.max_image_width_px}
+    shown = gallery(results, info, methods, read_color, **size) if methods else []
     reason = "No frame has annotations, so no box can be called right or wrong."
     if config.n_frames == 0:
         reason = "None were asked for (report.n_frames = 0)."

@@ -39,12 +39,13 @@ def ap_grid(
     iou_percent: int,
     paper: Sequence[PaperColumn] = (),
 ) -> Grid:
-    """AP per class and method, the best of each row marked; the paper's columns beside.
+    """AP per class and method, the best of each row marked.
 
-    The headline also counts annotations, and the false positives of classes that have none.
+    The headline also counts annotations, and the false positives of classes that have none, and
+    the paper's columns stand beside it.
     """
     is_headline = metric == HEADLINE and iou_percent == results.main_iou
-    paper = [column for column in paper if any(v is not None for v in column.ap.values())]
+    paper = [c for c in paper if is_headline and any(v is not None for v in c.ap.values())]
     rows = []
     for class_id, name in class_rows(classes):
         n_annotations = _n_annotations(results, class_id, len(classes))

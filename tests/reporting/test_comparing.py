@@ -180,7 +180,7 @@ def test_annotations_of_unknown_azimuth_leave_the_block_out(tmp_path: Path) -> N
     unknown = [{**a, "own_azimuth_rad": None, "symmetry": None} for a in ANNOTATIONS]
     run = make_run(tmp_path / "run", 16, {"single": GOOD}, annotations=unknown)
     document = compare_folders([run], 10)
-    assert [block.grid.name for block in document.blocks] == ["ap", "intervals"]
+    assert [grid.name for grid in document.page_grids] == ["ap", "intervals"]
     assert "No annotation says from which azimuth" in document.text()
 
 
@@ -194,12 +194,12 @@ def test_a_class_without_annotations_is_dashed_and_its_false_positives_counted(
         "spoon: 3×16 w/o view: 2 false positives; 3×16 w/ view: 2 false positives; "
         "3×8 w/o view: 2 false positives; 3×8 w/ view: 2 false positives.\n" in text
     )
-    assert "left out of the mean" in document.markdown()
+    assert "left out of the mean" in document.files["compare.md"]
 
 
 def test_the_papers_columns_stand_beside_and_are_marked(runs: list[Path]) -> None:
     """Only their mean has a row here: the classes are others."""
-    ap = compare_folders(runs, 10).blocks[0].grid
+    ap = compare_folders(runs, 10).page_grids[0]
     paper = [i for i, c in enumerate(ap.columns) if "paper: other data, simulation" in c.group]
     assert [ap.columns[i].text for i in paper] == ["w/o view", "w/ view", "Naive", "Ours"] * 2
     assert [ap.rows[-1].cells[i].text for i in paper] == (
@@ -209,8 +209,8 @@ def test_the_papers_columns_stand_beside_and_are_marked(runs: list[Path]) -> Non
 
 
 def test_the_columns_of_the_text_are_aligned(runs: list[Path]) -> None:
-    for block in compare_folders(runs, 10).blocks:
-        lines = [line for line in block.grid.text().splitlines() if " | " in line]
+    for grid in compare_folders(runs, 10).page_grids:
+        lines = [line for line in grid.text().splitlines() if " | " in line]
         bars = {tuple(i for i, c in enumerate(line) if c == "|") for line in lines}
         assert len({b for b in bars if len(b) == max(map(len, bars))}) == 1
 
@@ -226,13 +226,13 @@ def test_files_hold_the_same_in_full_precision(runs: list[Path], tmp_path: Path)
     assert (ball["3×16 w/ view"], spoon["3×16 w/ view"]) == ("0.0", "")
     assert spoon["3×16 w/ view, false positives"] == "2"
     assert float(mean["3×16 w/ view"]) == pytest.approx(FAIR_AP / 2, abs=1e-15)
-    assert (tmp_path / "out/compare.md").read_text(encoding="utf-8") == document.markdown()
+    assert (tmp_path / "out/compare.md").read_text(encoding="utf-8") == document.files["compare.md"]
 
 
 def test_without_a_run_of_no_viewpoints_its_column_is_left_out(runs: list[Path]) -> None:
     document = compare_folders(runs[1:], 10)
     assert "w/o view is left out" in " ".join(document.text().split())
-    ours = [c.text for c in document.blocks[0].grid.columns if c.group == "3×16"]
+    ours = [c.text for c in document.page_grids[0].columns if c.group == "3×16"]
     assert ours == ["w/ view", "Naive", "Ours", "Ours, all frames"]
 
 

@@ -180,7 +180,7 @@ def folders(runs: list[Run]) -> list[Path]:
 
 
 def figures(runs: list[Run]) -> pd.DataFrame:
-    return table_2_of_folders(folders(runs)).tables["table2"].to_pandas()
+    return table_2_of_folders(folders(runs)).files["table2.parquet"].to_pandas()
 
 
 # The same figures another way: plain loops over the rows of a run
@@ -283,14 +283,14 @@ def test_the_two_tunings_differ_and_the_test_set_flatters(runs: list[Run]) -> No
 
 def test_the_order_of_the_columns_is_the_papers(runs: list[Run]) -> None:
     for given in (runs, runs[::-1]):
-        test, held_out, _ = table_2_of_folders(folders(given)).grids
+        test, held_out, _, _ = table_2_of_folders(folders(given)).parts
         heads = [(c.group, c.text) for c in test.columns[1:]]
         assert heads == [(group, name) for group, name, _, _ in COLUMNS]
         assert [c.text for c in held_out.columns] == [c.text for c in test.columns]
 
 
 def test_rows_are_classes_background_and_mean(runs: list[Run]) -> None:
-    for grid in table_2_of_folders(folders(runs)).grids[:2]:
+    for grid in table_2_of_folders(folders(runs)).parts[:2]:
         assert [row.name for row in grid.rows] == [*CLASSES, "background", "mean"]
         assert [row.cells[0].text for row in grid.rows] == ["6", "2", "0", "", "8"]
 
@@ -299,7 +299,7 @@ def test_a_class_without_annotations_is_dashed_and_its_false_positives_counted(
     runs: list[Run],
 ) -> None:
     document = table_2_of_folders(folders(runs))
-    for grid in document.grids[:2]:
+    for grid in document.parts[:2]:
         flashlight = grid.rows[FLASHLIGHT]
         assert {cell.text for cell in flashlight.cells[1:]} == {"–/– (–)"}
         assert [cell.note for cell in flashlight.cells[1:4]] == ["12 false positives"] * 2 + [""]
@@ -308,7 +308,7 @@ def test_a_class_without_annotations_is_dashed_and_its_false_positives_counted(
 
 def test_a_class_of_one_sequence_has_no_held_out_figures_and_says_so(runs: list[Run]) -> None:
     document = table_2_of_folders(folders(runs))
-    test, held_out, _ = document.grids
+    test, held_out, *_ = document.parts
     assert all(not cell.text.startswith("–") for cell in test.rows[CAP].cells[1:])
     aps = [cell.text.split()[1] for cell in test.rows[CAP].cells[1:]]
     assert [cell.text for cell in held_out.rows[CAP].cells[1:]] == [f"–/– {ap}" for ap in aps]
@@ -322,19 +322,19 @@ def test_one_sequence_has_no_held_out_figures_and_says_why(tmp_path: Path) -> No
         Run(tmp_path / "aware", True, 2, sequences=("a",)),
     ]
     document = table_2_of_folders(folders(runs))
-    held_out = document.grids[1]
+    held_out = document.parts[1]
     texts = [cell.text for row in held_out.rows for cell in row.cells[1:]]
     assert all(text.startswith("–/– ") for text in texts)
     assert "there is one sequence only, so there is no other to choose a threshold on" in (
         flat(document.text())
     )
-    table = document.tables["table2"].to_pandas()
+    table = document.files["table2.parquet"].to_pandas()
     assert table[table.tuning == HELD_OUT][["precision", "recall", "n_kept"]].isna().all(axis=None)
-    assert set(document.tables["table2_thresholds"]["tuning"].to_pylist()) == {ON_TEST}
+    assert set(document.files["table2_thresholds.parquet"]["tuning"].to_pylist()) == {ON_TEST}
 
 
 def test_thresholds_are_all_there_and_those_that_were_used(runs: list[Run]) -> None:
-    table = table_2_of_folders(folders(runs)).tables["table2_thresholds"].to_pandas()
+    table = table_2_of_folders(folders(runs)).files["table2_thresholds.parquet"].to_pandas()
     assert len(table) == len(COLUMNS) * 2 * len(CLASSES) * len(SEQUENCES)
     ours = table[(table.method == "imod") & (table.class_id == BOWL)]
     on_test = ours[ours.tuning == ON_TEST].threshold
@@ -354,13 +354,13 @@ def test_a_missing_method_is_named(tmp_path: Path) -> None:
 
 def test_a_method_of_its_own_name_gets_a_column(tmp_path: Path) -> None:
     runs = [Run(tmp_path / "plain", False, 1), Run(tmp_path / "aware", methods=("single", "new"))]
-    (grid, *_) = table_2_of_folders(folders(runs)).grids
+    (grid, *_) = table_2_of_folders(folders(runs)).parts
     assert [(c.group, c.text) for c in grid.columns[3:]] == [("multi-view", "new")]
 
 
 def test_two_detectors_stand_side_by_side(runs: list[Run], tmp_path: Path) -> None:
     other = Run(tmp_path / "other", seed=3, methods=("single", "imod"))
-    grid, *_ = table_2_of_folders([*folders(runs), other.folder]).grids
+    grid, *_ = table_2_of_folders([*folders(runs), other.folder]).parts
     groups = {c.group for c in grid.columns[1:]}
     assert {"3×12 aware, single view", "3×12 other, multi-view"} <= groups
 
@@ -412,7 +412,7 @@ def test_the_papers_means_are_over_six_rows() -> None:
 
 def test_the_papers_columns_stand_beside_ours_and_are_marked(runs: list[Run]) -> None:
     """Bowls and caps have a row there, flashlights none."""
-    wide = table_2_of_folders(folders(runs)).wide_grids[0]
+    wide = table_2_of_folders(folders(runs)).page_grids[0]
     beside = [i for i, c in enumerate(wide.columns) if c.group.startswith("paper: other data")]
     assert [wide.columns[i].text for i in beside] == PRINTED_HEADS
     rows = {row.name: [row.cells[i].text for i in beside] for row in wide.rows}
@@ -427,7 +427,7 @@ def test_where_no_class_is_the_papers_its_table_stands_alone(tmp_path: Path) -> 
         Run(tmp_path / "plain", False, 1, classes=classes),
         Run(tmp_path / "aware", True, 2, classes=classes),
     ]
-    test, held_out, printed = table_2_of_folders(folders(runs)).wide_grids
+    test, held_out, printed = table_2_of_folders(folders(runs)).page_grids
     assert printed == paper_table_2()
     assert not any("paper" in c.group for c in (*test.columns, *held_out.columns))
 
@@ -478,7 +478,7 @@ def test_from_the_command_line(cli: Callable[..., Result], runs: list[Run], tmp_
     drawn = [row for row in page.rows if row and row[0] in (*CLASSES, "background", "mean")]
     expected = [
         [row.name, *(cell.text + cell.note for cell in row.cells)]
-        for grid in document.wide_grids
+        for grid in document.page_grids
         for row in grid.rows
     ]
     assert drawn == expected
@@ -571,7 +571,7 @@ def test_the_figures_tuned_on_the_test_set_are_those_of_the_metrics(
         result = cli("run", *arguments, "--out", tmp_path / name)
         assert result.exit_code == 0, result.stderr
     document = table_2_of_folders([tmp_path / "plain", tmp_path / "aware"])
-    table = document.tables["table2"].to_pandas()
+    table = document.files["table2.parquet"].to_pandas()
     ours = table[(table.tuning == ON_TEST) & (table.class_name != "mean")]
     assert len(ours) == 8 * 6
     for run, rows in ours.groupby("run"):
@@ -608,7 +608,7 @@ def test_thresholds_are_sought_in_the_steps_of_the_runs(tmp_path: Path) -> None:
         Run(tmp_path / name, has_viewpoints=views, threshold_step=step).folder
         for name, views in (("none", False), ("aware", True))
     ]
-    table = table_2_of_folders(runs).tables["table2_thresholds"].to_pandas()
+    table = table_2_of_folders(runs).files["table2_thresholds.parquet"].to_pandas()
     steps = table.threshold.dropna() / step
     assert len(steps) > 0
     np.testing.assert_allclose(steps, steps.round(), atol=1e-6)
