@@ -22,9 +22,9 @@ Baselines from the same boxes: ``single`` is the marginal over viewpoints; ``nai
 the frames; ``naive_log`` adds up its log-odds, which takes views as independent.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Method = Literal["single", "naive", "naive_log", "imod"]
 Mode = Literal["online", "offline"]
+MODES: tuple[Mode, ...] = get_args(Mode)
 ROWS_AT_ONCE = 8192  # bounds memory: rows × classes × azimuths of float64 at a time
 
 
@@ -106,42 +107,32 @@ def pose_votes(azimuth_scores: Array, azimuth_bins: Ints) -> Array:
 def fuse(
     sightings: Sightings,
     method: Method,
-    mode: Mode,
     cell_reduce: CellReduce = "mean",
     probability_floor: float = 1e-4,
-) -> FusedScores:
+) -> dict[Mode, FusedScores]:
     """Score every box of a sequence by all that its voxel has seen.
 
     Args:
         sightings: the placed boxes.
         method: which rule.
-        mode: ``online`` uses the frames up to and including a box's own; ``offline`` all frames.
         cell_reduce: how boxes that fill one slot combine (``imod`` only), element by element.
         probability_floor: limit of the log-odds (``naive_log`` only).
+
+    Returns:
+        ``online`` by the frames up to and including a box's own; ``offline`` by all frames.
     """
-    return fuse_modes(sightings, method, (mode,), cell_reduce, probability_floor)[mode]
-
-
-def fuse_modes(
-    sightings: Sightings,
-    method: Method,
-    modes: Sequence[Mode],
-    cell_reduce: CellReduce = "mean",
-    probability_floor: float = 1e-4,
-) -> dict[Mode, FusedScores]:
-    """`fuse` for several modes, which share all the work."""
     scores = sightings.view_scores
     class_scores = marginal(scores)
     if method == "single":
         single = _blank(class_scores)
         single.n_cells[:] = 1
-        return dict.fromkeys(modes, single)
+        return dict.fromkeys(MODES, single)
 
     order = np.lexsort((np.arange(len(scores)), sightings.frame, sightings.voxel))
     voxel, frame = sightings.voxel[order], sightings.frame[order]
     enters = _best_of_each_moment(voxel, frame, class_scores[order])
     has_pose = method == "imod" and scores.shape[-1] > 1
-    fused = {mode: _blank(class_scores) for mode in modes}
+    fused = {mode: _blank(class_scores) for mode in MODES}
     for here in _whole_voxels(voxel):
         rows = order[here]
         if method == "imod":

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
-from typing import get_args
 
 import numpy as np
 import pyarrow as pa
@@ -11,13 +10,14 @@ from numpy.typing import NDArray
 
 from imodbatch.core.errors import DataError
 from imodbatch.core.fusion import (
+    MODES,
     FusedScores,
     Method,
     Mode,
     Sightings,
     absent_score,
     best_of_moment,
-    fuse_modes,
+    fuse,
     marginal,
 )
 from imodbatch.core.voxels import group_labels
@@ -29,7 +29,7 @@ OFFLINE_SUFFIX = "_offline"
 
 def variants(config: FuseConfig) -> dict[str, tuple[Method, Mode]]:
     """The METHOD names that a configuration gives; single view has no modes."""
-    modes: tuple[Mode, ...] = ("online", "offline") if config.mode == "both" else (config.mode,)
+    modes: tuple[Mode, ...] = MODES if config.mode == "both" else (config.mode,)
     found: dict[str, tuple[Method, Mode]] = {}
     for mode, method in product(modes, config.methods):
         is_offline = mode == "offline" and method != "single"
@@ -94,9 +94,7 @@ def sightings_of(
 def fuse_methods(sightings: Sightings, config: FuseConfig) -> dict[Method, dict[Mode, FusedScores]]:
     """Scores of the placed boxes under every method of a configuration, in both modes."""
     return {
-        method: fuse_modes(
-            sightings, method, get_args(Mode), config.cell_reduce, config.probability_floor
-        )
+        method: fuse(sightings, method, config.cell_reduce, config.probability_floor)
         for method in config.methods
     }
 

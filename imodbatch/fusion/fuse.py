@@ -51,7 +51,9 @@ def run(
         _fused_rows(name, detections, box, class_id, everywhere(result, placed, scores))
         for name, result in taken(fused, sightings, survives[placed], config).items()
     ]
-    final = {method: of["offline"] for method, of in fused.items() if method != "single"}
+    final: dict[Method, FusedScores] = {
+        method: of_mode["offline"] for method, of_mode in fused.items() if method != "single"
+    }
     objects = _objects(frames, detections.take(placed), seen, sightings, final)
     table = pa.concat_tables(parts) if parts else empty(FUSED)
     n_voxels = len(np.unique(sightings.voxel))

@@ -91,25 +91,26 @@ def _records(
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """The detections and annotations of one class as the library wants them."""
     found, wanted = (np.flatnonzero(rows.class_id == class_id) for rows in (candidates, truth))
-    detection_records = _boxes_as_records(candidates.image, candidates.boxes, found)
-    for record, score in zip(detection_records, scores[found].tolist(), strict=True):
-        record["score"] = score
-    annotation_records = _boxes_as_records(truth.image, truth.boxes, wanted)
-    for record, row in zip(annotation_records, wanted, strict=True):
-        record["iscrowd"] = int(truth.is_crowd[row])
-        record["area"] = _IGNORED_AREA if truth.is_ignored[row] else _COUNTED_AREA
-    return detection_records, annotation_records
+    area = np.where(truth.is_ignored[wanted], _IGNORED_AREA, _COUNTED_AREA)
+    is_crowd = truth.is_crowd[wanted].astype(np.int64)
+    all_count = np.full(len(found), _COUNTED_AREA)
+    return (
+        _rows_as_records(candidates, found, score=scores[found], area=all_count),
+        _rows_as_records(truth, wanted, iscrowd=is_crowd, area=area),
+    )
 
 
-def _boxes_as_records(image_ids: AnyArray, boxes: AnyArray, rows: AnyArray) -> list[dict[str, Any]]:
-    """Boxes as x y width height, with an area that counts whatever their size."""
-    corners = np.asarray(boxes, dtype=np.float64).reshape(-1, 4)[rows]
+def _rows_as_records(
+    of: Candidates | Truth, rows: AnyArray, **columns: AnyArray
+) -> list[dict[str, Any]]:
+    """Boxes as x y width height, with further columns."""
+    corners = np.asarray(of.boxes, dtype=np.float64).reshape(-1, 4)[rows]
     extents = np.concatenate([corners[:, :2], corners[:, 2:] - corners[:, :2]], axis=1)
+    columns |= {"image_id": of.image[rows], "bbox": extents}
+    values = zip(*(column.tolist() for column in columns.values()), strict=True)
     return [
-        {"id": number, "image_id": image_id, "category_id": 1, "bbox": bbox, "area": _COUNTED_AREA}
-        for number, (image_id, bbox) in enumerate(
-            zip(image_ids[rows].tolist(), extents.tolist(), strict=True), start=1
-        )
+        {"id": number, "category_id": 1, **dict(zip(columns, row, strict=True))}
+        for number, row in enumerate(values, start=1)
     ]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from imodbatch.core.fusion import fuse
+from imodbatch.core.fusion import MODES, Mode, fuse
 from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.fusion.evidence import sightings_of
 from imodbatch.reporting.run_folder import open_run
@@ -122,7 +122,7 @@ def without_views(evidence: Evidence) -> Evidence:
     return changed(evidence, np.broadcast_to(total, scores.shape).astype(np.float32))
 
 
-def fused_and_cells(evidence: Evidence, mode: str) -> tuple[Array, Array]:
+def fused_and_cells(evidence: Evidence, mode: Mode) -> tuple[Array, Array]:
     seen = evidence.observations.take(evidence.placed)
     sightings = sightings_of(
         seen,
@@ -131,7 +131,7 @@ def fused_and_cells(evidence: Evidence, mode: str) -> tuple[Array, Array]:
         evidence.image[evidence.placed],
     )
     config = evidence.pipeline.fuse
-    fused = fuse(sightings, "imod", mode, config.cell_reduce)  # type: ignore[arg-type]
+    fused = fuse(sightings, "imod", config.cell_reduce)[mode]
     box, class_id = evidence.survivors
     n_cells = np.ones(evidence.scores.shape[:2])
     n_cells[evidence.placed] = np.maximum(fused.n_cells, 1)
@@ -142,7 +142,7 @@ def fused_and_cells(evidence: Evidence, mode: str) -> tuple[Array, Array]:
 def per_cell(evidence: Evidence) -> dict[str, Array]:
     """The mean over the filled cells in place of the sum: late frames do not outrank early ones."""
     scores = evidence.candidate_scores(evidence.own_voxels)
-    for name, mode in (("imod", "online"), ("imod_offline", "offline")):
+    for name, mode in zip(("imod", "imod_offline"), MODES, strict=True):
         scores[name] = scores[name] / fused_and_cells(evidence, mode)[0]
     return scores
 

@@ -54,9 +54,9 @@ def main() -> None:
         elevation_bin=rng.integers(0, n_elevations, n),
         view_scores=rng.random((n, n_classes, n_elevations, n_azimuths), dtype=np.float32),
     )
-    ours = fuse(sightings, "imod", "online", "last").score
+    ours = fuse(sightings, "imod", "last")["online"].score
     difference = np.abs(ours - loop_imod(sightings)).max()
-    fast = seconds(lambda: fuse(sightings, "imod", "online", "last"))
+    fast = seconds(lambda: fuse(sightings, "imod", "last"))
     slow = seconds(lambda: loop_imod(sightings), repeats=1)
     print(
         f"imod, {n:,} boxes of 17×3×16 scores: {n / fast:,.0f} boxes/s; python loop "

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from imodbatch.core import fusion
 from imodbatch.core.fusion import (
     Sightings,
     absent_score,
     best_of_moment,
-    fuse,
     log_odds,
     marginal,
     pose_votes,
@@ -37,6 +37,11 @@ def frozen(values, dtype=None):
     array = np.array(values, dtype=dtype)
     array.setflags(write=False)
     return array
+
+
+def fuse(sightings, method, mode, *settings, **named):
+    """Scores in one mode."""
+    return fusion.fuse(sightings, method, *settings, **named)[mode]
 
 
 def sightings_of(frame, voxel, azimuth_bin, elevation_bin, view_scores):

@@ -217,8 +217,7 @@ def test_ideal_scores_fuse_to_the_true_class_and_yaw():
             view_scores=scene.view_scores.reshape(-1, *scene.view_scores.shape[2:]),
         ),
         "imod",
-        "online",
-    )
+    )["online"]
     last = fused.score[-n_objects:]
     np.testing.assert_array_equal(last.argmax(axis=1), scene.class_id)
     pose_bin = fused.pose_bin[-n_objects:][np.arange(n_objects), scene.class_id]
