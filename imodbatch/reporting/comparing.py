@@ -134,7 +134,7 @@ def table_2_of_folders(folders: Sequence[Path]) -> Document:
     files = {"table2.html": page("table2.html.j2", context)}
     files |= {f"{name}.csv": csv_of(table) for name, table in tables.items()}
     files |= {f"{name}.parquet": table for name, table in tables.items()}
-    parts = (*plain, paper_table_2(), "\n".join(said))
+    parts: tuple[Grid | str, ...] = (*plain, paper_table_2(), "\n".join(said))
     return Document(_heading(comparison), parts, files, page_grids)
 
 
