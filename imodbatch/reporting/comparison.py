@@ -4,12 +4,12 @@ A run of a detector that tells viewpoints apart gives the columns "w/ view", "Na
 its grid; a run of one that does not gives "w/o view", the same for every grid.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pyarrow.compute as pc
+import pandas as pd
 from numpy.typing import NDArray
 
 from imodbatch.core.errors import ConfigError
@@ -85,13 +85,10 @@ class Comparison:
     def n_annotations(self) -> NDArray[np.int64]:
         """(K, S) annotations that count, per class and sequence."""
         run = self.any_run
-        table = run.results.tables["annotations"]
-        table = table.filter(pc.invert(pc.or_(table["is_ignored"], table["is_crowd"])))
-        counts = np.zeros((len(run.classes), len(run.sequence_ids)), dtype=np.int64)
-        ids = zip(table["class_id"].to_pylist(), table["sequence_id"].to_pylist(), strict=True)
-        for class_id, sequence_id in ids:
-            counts[class_id, run.sequence_ids.index(sequence_id)] += 1
-        return counts
+        ids = run.results.annotations.select(["class_id", "sequence_id"]).to_pandas()
+        counts = pd.crosstab(ids.class_id, ids.sequence_id)
+        shape = {"index": range(len(run.classes)), "columns": run.sequence_ids}
+        return counts.reindex(**shape, fill_value=0).to_numpy(np.int64)
 
     def n_counted(self, class_id: int) -> int:
         """Annotations of a class, or of all, that count."""
@@ -163,22 +160,15 @@ def ranked_boxes(results: Results, method: str, n_classes: int) -> tuple[ScoredB
 
 def _require_same_truth(first: FinishedRun, other: FinishedRun) -> None:
     """Refuse to set figures of different data beside each other."""
-    differs = [
-        name
-        for name, is_equal in (
-            ("classes", first.classes == other.classes),
-            ("sequences", first.sequence_ids == other.sequence_ids),
-            ("annotations", _truth_of(first) == _truth_of(other)),
-            ("matching.iou_percents", first.results.main_iou == other.results.main_iou),
-        )
-        if not is_equal
-    ]
-    if differs:
-        raise ConfigError(
-            f"{first.folder} and {other.folder} differ in {differs[0]}. Compare runs of one "
-            "manifest, and bring both up to date with `imodbatch run`."
-        )
-
-
-def _truth_of(run: FinishedRun) -> object:
-    return run.results.tables["annotations"]
+    told: dict[str, Callable[[FinishedRun], object]] = {
+        "classes": lambda run: run.classes,
+        "sequences": lambda run: run.sequence_ids,
+        "annotations": lambda run: run.results.tables["annotations"],
+        "matching.iou_percents": lambda run: run.results.main_iou,
+    }
+    for name, of in told.items():
+        if of(first) != of(other):
+            raise ConfigError(
+                f"{first.folder} and {other.folder} differ in {name}. Compare runs of one "
+                "manifest, and bring both up to date with `imodbatch run`."
+            )

@@ -134,8 +134,7 @@ def _words(
 
 def _what_this_is(results: Results) -> str:
     tables = results.tables
-    ignored = pc.or_(tables["annotations"]["is_ignored"], tables["annotations"]["is_crowd"])
-    n_ignored = pc.sum(ignored).as_py() or 0
+    n_ignored = tables["annotations"].num_rows - results.annotations.num_rows
     remark = f" ({n_ignored:,} of them ignored)" if n_ignored else ""
     return (
         f"Boxes that a detector found in single frames, scored anew by what all views of the same "

@@ -116,16 +116,14 @@ class Results:
         return bool(max(values)) if values else None
 
     @cached_property
-    def _n_annotations(self) -> dict[int, int]:
-        """Class id → annotations that count."""
+    def annotations(self) -> pa.Table:
+        """The annotations that count: those that are neither ignored nor of a crowd."""
         table = self.tables["annotations"]
-        counting = pc.invert(pc.or_(table["is_ignored"], table["is_crowd"]))
-        counts = table.filter(counting)["class_id"].value_counts().to_pylist()
-        return {row["values"]: row["counts"] for row in counts}
+        return table.filter(pc.invert(pc.or_(table["is_ignored"], table["is_crowd"])))
 
     def n_annotations(self, class_id: int) -> int:
         """Annotations of a class that count, over all sequences."""
-        return self._n_annotations.get(class_id, 0)
+        return int(pc.sum(pc.equal(self.annotations["class_id"], class_id)).as_py() or 0)
 
     def n_evaluated(self, class_id: int) -> int:
         """Annotations of a class behind its metrics; those of all sequences if there are none."""

@@ -61,7 +61,7 @@ class FinishedRun:
 
     def detections(self, sequence_id: str) -> pa.Table:
         """The detections of a sequence, with their whole score vectors."""
-        return read_table(table_path(self.folder, "detections", sequence_id), TABLES["detections"])
+        return _read(self.folder, "detections", sequence_id)
 
     def boxes(self) -> pa.Table:
         """The detections of all sequences without their score vectors."""

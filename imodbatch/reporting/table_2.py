@@ -26,10 +26,6 @@ HOW_TUNED = {
     HELD_OUT: "the threshold for a sequence is chosen on all the other sequences, and what it "
     "keeps there is counted; the counts of all sequences are added",
 }
-ONE_SEQUENCE = (
-    f"{HELD_OUT}: there is one sequence only, so there is no other to choose a threshold on: "
-    f"{DASH}."
-)
 
 
 def table_2(
@@ -93,6 +89,7 @@ def precision_recall(point: OperatingPoint | None, class_id: int) -> tuple[float
 
 def remarks(comparison: Comparison, columns: Sequence[Table2Column], step: float) -> list[str]:
     """What the figures are, and what is to be known about these."""
+    tunings = " ".join(f"{name.capitalize()}: {how}." for name, how in HOW_TUNED.items())
     found = [
         "w/o viewpoint: single frames of the detector without viewpoint classes. w/ viewpoint: "
         "single frames of the detector with them. Naive: sum of its scores in a voxel. SLAM-aware "
@@ -100,14 +97,17 @@ def remarks(comparison: Comparison, columns: Sequence[Table2Column], step: float
         "the sequence seen, not only those up to the box's own.",
         f"Thresholds, per class and column: the largest F1 (the paper does not say what was "
         f"maximised), in steps of {step:g} from 0, or from below the least score, to beyond the "
-        f"largest; among equals the lowest. {_sentence(ON_TEST)} {_sentence(HELD_OUT)} AP needs no "
+        f"largest; among equals the lowest. {tunings} AP needs no "
         "threshold and is the same under both.",
         "Background is counted in pixels: all outside the kept boxes. The means of precision and "
         f"recall are over the classes and the background, as the paper's; that of AP is over "
         f"{_n_annotated(comparison)} classes with annotations.",
     ]
     if len(comparison.any_run.sequence_ids) == 1:
-        found.append(ONE_SEQUENCE[0].upper() + ONE_SEQUENCE[1:])
+        found.append(
+            f"{HELD_OUT.capitalize()}: there is one sequence only, so there is no other to choose "
+            f"a threshold on: {DASH}."
+        )
     if _n_annotated(comparison) < len(comparison.any_run.classes):
         found.append(
             "A class without annotations has no figures and is left out of the means; its false "
@@ -134,10 +134,6 @@ def remarks(comparison: Comparison, columns: Sequence[Table2Column], step: float
     return found
 
 
-def _sentence(tuning: str) -> str:
-    return f"{tuning[0].upper()}{tuning[1:]}: {HOW_TUNED[tuning]}."
-
-
 def _ap(column: Table2Column, class_id: int) -> float:
     return float("nan") if class_id == BACKGROUND_CLASS_ID else column.ap(class_id)
 
@@ -160,7 +156,7 @@ def _note(
     if point is not None and with_thresholds:
         parts.append(_limits(point, class_id))
     if column.group == SINGLE:
-        if not comparison.n_annotations[class_id].sum():
+        if not comparison.n_counted(class_id):
             parts.append(plural(column.n_false_positives(class_id), "false positive"))
         elif point is not None:
             n = int(point.n_untuned(comparison.n_annotations)[class_id])
