@@ -131,7 +131,7 @@ def table_2_of_folders(folders: Sequence[Path]) -> Document:
         **{"heading": _heading(comparison), "grids": page_grids, "remarks": said},
         **{"files": list(tables), "paper_mark": MARK},
     }
-    files = {"table2.html": page("table2.html.j2", context)}
+    files: dict[str, str | pa.Table] = {"table2.html": page("table2.html.j2", context)}
     files |= {f"{name}.csv": csv_of(table) for name, table in tables.items()}
     files |= {f"{name}.parquet": table for name, table in tables.items()}
     parts: tuple[Grid | str, ...] = (*plain, paper_table_2(), "\n".join(said))

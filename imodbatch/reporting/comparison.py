@@ -86,9 +86,10 @@ class Comparison:
         """(K, S) annotations that count, per class and sequence."""
         run = self.any_run
         ids = run.results.annotations.select(["class_id", "sequence_id"]).to_pandas()
-        counts = pd.crosstab(ids.class_id, ids.sequence_id)
-        shape = {"index": range(len(run.classes)), "columns": run.sequence_ids}
-        return counts.reindex(**shape, fill_value=0).to_numpy(np.int64)
+        counts = pd.crosstab(ids.class_id, ids.sequence_id).reindex(
+            index=range(len(run.classes)), columns=list(run.sequence_ids), fill_value=0
+        )
+        return counts.to_numpy(np.int64)
 
     def n_counted(self, class_id: int) -> int:
         """Annotations of a class, or of all, that count."""
