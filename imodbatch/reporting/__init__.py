@@ -1,6 +1,6 @@
 """What a report is made of: results looked up, tables, figures, pictures, and the page around them.
 
-`stages/report.py` puts them together. `results` answers questions to the metrics and matches;
+`report` puts them together, `csv_text` writes figures in full. `results` answers questions to the metrics and matches;
 `grids` turn answers into tables for page and Markdown; `figures` are SVG, `pictures` are JPEG;
 `paper` holds the published figures; `templates/report.html.j2` is the page.
 
