@@ -562,7 +562,7 @@ def save_tiny_detector(
 ) -> Path:
     """A random network that finds many boxes, none of them right."""
     import torch
-    from architectures import LIGHT
+    from detectors import LIGHT
 
     from imodbatch.detection.card import DetectorCard
     from imodbatch.detection.checkpoint import save_checkpoint

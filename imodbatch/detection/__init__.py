@@ -6,7 +6,7 @@ Where to read, in order:
 - `files`: the weights and the card of a checkpoint, found and read. No torch.
 - `backbone`, `heads`, `network`: the network, from torchvision's parts.
 - `checkpoint`: float16 safetensors in and out.
-- `folding`, `inference`: `load_detector` and the `Detector` that a stage calls.
+- `folding`, `inference`: `make_detector` and the `Detector` that a stage calls.
 
 This file imports none of them, so that reading a card does not load torch.
 """

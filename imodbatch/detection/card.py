@@ -12,7 +12,11 @@ background is the LAST column.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, field_validator, model_validator
+
+from imodbatch.settings.toml import StrictModel
+
+FORMAT_VERSION = 1
 
 Backbone = Literal[
     "resnet18",
@@ -28,7 +32,7 @@ PositiveFloat = Annotated[float, Field(gt=0)]
 Elevation = Annotated[float, Field(ge=-90, le=90)]
 
 
-class Architecture(BaseModel):
+class Architecture(StrictModel):
     """The shape of the network; every value changes either a tensor or what is computed from it.
 
     Attributes:
@@ -47,8 +51,6 @@ class Architecture(BaseModel):
         normalisation_mean: of R, G, B in the range 0 to 1, subtracted from the image.
         normalisation_std: of R, G, B, that the image is then divided by.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     backbone: Backbone
     fpn_channels: PositiveInt
@@ -74,7 +76,7 @@ class Architecture(BaseModel):
         return self
 
 
-class Family(BaseModel):
+class Family(StrictModel):
     """Where the weights of a detector lie that shares most of them with others.
 
     Attributes:
@@ -83,13 +85,11 @@ class Family(BaseModel):
             a slash is every member's.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     file: Annotated[str, Field(pattern=r"^[^/\\]+\.safetensors$")]
     member: Annotated[str, Field(pattern=r"^[^/]+$")]
 
 
-class DetectorCard(BaseModel):
+class DetectorCard(StrictModel):
     """What a checkpoint is: the JSON file beside the weights.
 
     Attributes:
@@ -109,9 +109,7 @@ class DetectorCard(BaseModel):
         family: None where the weights lie in ``<name>.safetensors`` beside ``<name>.json``.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    format_version: Literal[1]
+    format_version: int
     name: Annotated[str, Field(min_length=1)]
     architecture: Architecture
     classes: Annotated[tuple[str, ...], Field(min_length=1)]
@@ -123,6 +121,15 @@ class DetectorCard(BaseModel):
     seed: int | dict[str, Any]
     figures: dict[str, Any]
     family: Family | None = None
+
+    @field_validator("format_version")
+    @classmethod
+    def _is_of_this_version(cls, version: int) -> int:
+        if version != FORMAT_VERSION:
+            raise ValueError(
+                f"this version reads {FORMAT_VERSION}; use the one of imodbatch that wrote the card"
+            )
+        return version
 
     @model_validator(mode="after")
     def _grid_is_a_grid(self) -> "DetectorCard":

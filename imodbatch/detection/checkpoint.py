@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from imodbatch.core.errors import ConfigError, one_line
 from imodbatch.detection.card import DetectorCard
-from imodbatch.detection.files import Checkpoint, card_path, read_checkpoint, write_card
+from imodbatch.detection.files import Checkpoint, card_path, write_card
 from imodbatch.detection.network import MultiViewFasterRCNN, build_detector
 from imodbatch.tables.atomic import write_bytes
 
@@ -62,23 +62,8 @@ def stored_tensors(checkpoint: Checkpoint) -> dict[str, Tensor]:
     return {name: tensors[stored] for name, stored in names.items() if "/" not in name}
 
 
-def load_network(path: str | Path) -> tuple[MultiViewFasterRCNN, DetectorCard]:
-    """Read a checkpoint into a network on the CPU, float32, training mode.
-
-    Args:
-        path: of the card, or of ``<name>.safetensors``.
-
-    Returns:
-        The network and its card.
-
-    Raises:
-        ConfigError: a file is missing, damaged, or the weights do not fit the card.
-    """
-    return make_network(read_checkpoint(path))
-
-
 def make_network(checkpoint: Checkpoint) -> tuple[MultiViewFasterRCNN, DetectorCard]:
-    """The same from what was read of it.
+    """The network of a checkpoint, on the CPU, float32, in training mode, and its card.
 
     Raises:
         ConfigError: the weights are damaged or do not fit the card.

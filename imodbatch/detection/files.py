@@ -3,19 +3,16 @@
 This module imports no torch: a run that is up to date reads cards and digests only.
 """
 
-import difflib
 import hashlib
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from imodbatch.core.errors import ConfigError, one_line
-from imodbatch.detection.card import Architecture, DetectorCard
+from imodbatch.detection.card import DetectorCard
+from imodbatch.settings.toml import validate
 from imodbatch.tables.atomic import write_text
 
-FORMAT_VERSION = 1
 WEIGHTS_SUFFIX, CARD_SUFFIX = ".safetensors", ".json"
 
 
@@ -101,10 +98,7 @@ def _parse_card(content: bytes, path: Path) -> DetectorCard:
             f"{path}: not a readable JSON card ({reason}). Restore the file that came with the "
             f"weights."
         ) from error
-    try:
-        return DetectorCard.model_validate(values)
-    except ValidationError as error:
-        raise ConfigError(f"{path}: {_first_complaint(error)}") from error
+    return validate(DetectorCard, values, f"card {path}")
 
 
 def write_card(card: DetectorCard, path: str | Path) -> None:
@@ -148,29 +142,3 @@ def read_checkpoint(path: str | Path) -> Checkpoint:
     parts = (hashlib.sha256(part).digest() for part in (weights, card))
     digest = hashlib.sha256(b"".join(parts)).hexdigest()
     return Checkpoint(digest, weights_path, weights, beside, _parse_card(card, beside))
-
-
-def _first_complaint(error: ValidationError) -> str:
-    """Say the first thing that is wrong in one line: key, what is wrong, cure."""
-    first = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in first["loc"])
-    if first["type"] == "missing":
-        return f"the key {key} is missing. Add it to the card."
-    if first["type"] == "extra_forbidden":
-        return f"unknown key {key}. {_unknown_key_cure(first['loc'])}"
-    reason = " ".join(first["msg"].removeprefix("Value error, ").split())
-    if not key or key == "architecture":
-        return f"{reason}. Correct the card."
-    if key == "format_version":
-        return (
-            f"format_version is {first['input']!r}, this version reads {FORMAT_VERSION}. "
-            f"Use the version of imodbatch that wrote the card."
-        )
-    return f"{key} is {str(first['input'])[:60]!r}: {reason}. Correct it in the card."
-
-
-def _unknown_key_cure(location: tuple[int | str, ...]) -> str:
-    """Suggest the key that was probably meant."""
-    model = Architecture if location[0] == "architecture" else DetectorCard
-    near = difflib.get_close_matches(str(location[-1]), model.model_fields, n=1)
-    return f"Did you mean {near[0]}?" if near else "Remove it, or put it under data or figures."

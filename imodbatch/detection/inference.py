@@ -6,7 +6,6 @@ what is dropped is decided later in plain numpy. The only suppression is the pro
 
 import copy
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -17,7 +16,7 @@ from imodbatch.core.detections import Detections
 from imodbatch.core.errors import ConfigError
 from imodbatch.detection.card import DetectorCard
 from imodbatch.detection.checkpoint import make_network
-from imodbatch.detection.files import Checkpoint, read_checkpoint
+from imodbatch.detection.files import Checkpoint
 from imodbatch.detection.folding import fold_batch_norm
 from imodbatch.detection.network import MultiViewFasterRCNN, ScoredRois
 
@@ -70,25 +69,12 @@ class Detector:
         return [results[index] for index in range(len(images))]
 
 
-def load_detector(path: str | Path, device: str = "cpu") -> Detector:
-    """Read a checkpoint and make it ready for inference.
+def make_detector(checkpoint: Checkpoint, device: str = "cpu") -> Detector:
+    """A checkpoint made ready for inference.
 
     Args:
-        path: of the card, or of ``<name>.safetensors`` with ``<name>.json`` beside it.
+        checkpoint: as it was read.
         device: as torch names it: "cpu", "cuda", "cuda:1", "mps".
-
-    Returns:
-        The detector.
-
-    Raises:
-        ConfigError: one line: a file is missing or damaged, the weights do not fit the card, or the
-            device is not there.
-    """
-    return make_detector(read_checkpoint(path), device)
-
-
-def make_detector(checkpoint: Checkpoint, device: str = "cpu") -> Detector:
-    """The same from what was read of a checkpoint.
 
     Raises:
         ConfigError: the weights are damaged or do not fit the card, or the device is not there.

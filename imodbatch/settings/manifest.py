@@ -150,10 +150,6 @@ class Manifest(StrictModel):
                 )
         return tuple(s for s in self.sequences if not ids or s.id in ids)
 
-    def sequence(self, sequence_id: str) -> SequenceSection:
-        """The sequence of that id."""
-        return next(s for s in self.sequences if s.id == sequence_id)
-
     def path_in(self, sequence: SequenceSection, pattern: str) -> Path:
         """A file named in the manifest, for one sequence.
 

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from architectures import LIGHT
+from detectors import LIGHT, load_detector, load_network
 from numpy.typing import NDArray
 from safetensors.torch import load_file, save_file
 from torch import nn
 
 from imodbatch.core.errors import ConfigError
 from imodbatch.detection.card import DetectorCard
-from imodbatch.detection.checkpoint import load_network, save_checkpoint
+from imodbatch.detection.checkpoint import save_checkpoint
 from imodbatch.detection.files import read_card, read_checkpoint, write_card
-from imodbatch.detection.inference import Detector, load_detector, make_detector
+from imodbatch.detection.inference import Detector, make_detector
 from imodbatch.detection.network import MultiViewFasterRCNN, build_detector
 
 K, M, N = 3, 2, 4
@@ -504,26 +504,30 @@ def test_a_card_survives_its_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "value", "message"),
     [
-        (["clases"], ["mug"], "unknown key clases. Did you mean classes?"),
-        (["architecture", "n_roi"], 3, "unknown key architecture.n_roi. Did you mean n_rois?"),
-        (["zzz"], 1, "unknown key zzz. Remove it"),
-        (["licence"], None, "the key licence is missing. Add it"),
-        (["architecture", "head"], None, "the key architecture.head is missing. Add it"),
-        (["architecture", "head"], "deep", "architecture.head is 'deep'"),
-        (["architecture", "backbone"], "vgg", "architecture.backbone is 'vgg'"),
+        (["clases"], ["mug"], "clases: unknown key. Did you mean 'classes'?"),
+        (["architecture", "n_roi"], 3, "architecture.n_roi: unknown key. Did you mean 'n_rois'?"),
+        (["zzz"], 1, "zzz: unknown key. Known: format_version, name"),
+        (["licence"], None, "licence: Field required"),
+        (["architecture", "head"], None, "architecture.head: Field required"),
+        (["architecture", "head"], "deep", "(got 'deep')"),
+        (["architecture", "backbone"], "vgg", "(got 'vgg')"),
         (["architecture", "fpn_strides"], [8, 32, 64], "fpn_strides must double"),
         (["architecture", "anchor_sizes_px"], [[8], [16]], "one list per entry of fpn_strides"),
         (["architecture", "anchor_sizes_px"], [[8], [16], [3, 4]], "equally many"),
-        (["format_version"], 2, "format_version is 2, this version reads 1. Use the version"),
-        (["classes"], [], "classes is '[]'"),
+        (["format_version"], 2, "format_version: this version reads 1; use the one of imodbatch"),
+        (["classes"], [], "classes: Tuple should have at least 1 item"),
         (["classes"], ["mug", "mug"], "classes must not name a class twice"),
-        (["n_azimuths"], 0, "n_azimuths is '0'"),
+        (["n_azimuths"], 0, "n_azimuths: Input should be greater than 0 (got 0)"),
         (["elevations_deg"], [60, 30], "elevations_deg must ascend"),
         (["elevations_deg"], [], "elevations_deg must list at least one angle"),
-        (["elevations_deg"], [30, 120], "elevations_deg.1 is '120'"),
+        (
+            ["elevations_deg"],
+            [30, 120],
+            "elevations_deg.1: Input should be less than or equal to 90",
+        ),
     ],
 )
-def test_a_wrong_card_names_file_key_and_cure(
+def test_a_wrong_card_names_file_and_key(
     tmp_path: Path, keys: list[str], value: object, message: str
 ) -> None:
     path = tmp_path / "wrong.json"

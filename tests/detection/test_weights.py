@@ -6,19 +6,21 @@ from pathlib import Path
 
 import pytest
 from click.testing import Result
+from detectors import load_network
 from safetensors import safe_open
 
 from imodbatch.core.errors import ConfigError
 from imodbatch.detection import weights
-from imodbatch.detection.checkpoint import load_network, stored_tensors
+from imodbatch.detection.checkpoint import stored_tensors
 from imodbatch.detection.files import checkpoint_files, read_card, read_checkpoint
-from imodbatch.detection.weights import find_weights, shipped_names
+from imodbatch.detection.weights import find_weights
 from imodbatch.run import runner
 from imodbatch.run.plan import Plan
 from imodbatch.run.provenance import files_digest
 from imodbatch.run.steps import STEPS
 from imodbatch.settings.config import load_pipeline
 from imodbatch.settings.manifest import load_manifest
+from imodbatch.settings.shipped import shipped_names
 
 REPOSITORY = Path(__file__).parents[2]
 NAMES = ("robot17_3x16", "robot17_3x8", "robot17_noview")
@@ -39,7 +41,7 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_the_shipped_weights_lie_in_the_package() -> None:
     assert (weights.FOLDER / "__init__.py").is_file()
-    assert shipped_names() == sorted(DETECTORS)
+    assert shipped_names(weights.FOLDER, weights.SUFFIX) == sorted(DETECTORS)
 
 
 @pytest.mark.parametrize("name", DETECTORS)
@@ -66,7 +68,7 @@ def test_a_family_holds_what_its_members_share_once(family: str) -> None:
 
 
 def test_a_name_is_found_in_the_package(shipped: Path) -> None:
-    assert shipped_names() == sorted(NAMES)
+    assert shipped_names(weights.FOLDER, weights.SUFFIX) == sorted(NAMES)
     assert find_weights("robot17_3x8") == shipped / "robot17_3x8.json"
 
 

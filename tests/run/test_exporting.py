@@ -83,7 +83,7 @@ def test_what_is_read_back_is_what_was_written(project: Project, walk: str) -> N
     project.export()
     manifest = load_manifest(project.manifest)
     back = OdometrySection(format="tum", path=str(project.folder / "tum" / "{sequence}.txt"))
-    odometry = read_odometry(back, manifest, manifest.sequence(walk), [])
+    odometry = read_odometry(back, manifest, manifest.choose([walk])[0], [])
     run = project.folder / "run"
     frames = read_table(table_path(run, "frames", walk), FRAMES).to_pandas()
     poses = read_table(table_path(run, "poses", walk), POSES)

@@ -382,7 +382,9 @@ def test_an_input_that_is_replaced_while_a_step_begins(
     with monkeypatch.context() as patch:
         steps = step_with("lift", **{moment: lambda: replace_file(path, theirs)})
         patch.setattr(runner, "STEPS", steps)
-        patch.setattr(runner, "stale_inputs", lambda *_: [])  # it asks for the files, too
+        patch.setattr(
+            "imodbatch.run.states.stale_inputs", lambda *_: []
+        )  # it asks for the files, too
         project.call("lift", "--overwrite", "--sequence", "walk_1")
     project.call("run")
     assert project.bytes_by_file() == finished.bytes_by_file()

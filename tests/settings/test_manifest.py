@@ -48,7 +48,7 @@ def fault(action, *mentions):
 def test_the_minimal_manifest(tmp_path):
     split = load_manifest(written(tmp_path, MINIMAL + SEQUENCE))
     assert (split.name, split.classes, split.root) == ("tiny", ("mug",), ".")
-    assert split.sequence("s").path == "."
+    assert split.choose(["s"])[0].path == "."
     assert split.world.up == "+z"
     assert split.annotations.format == "none"
     assert split.root_path.resolve() == tmp_path.resolve()

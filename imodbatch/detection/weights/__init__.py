@@ -12,11 +12,6 @@ FOLDER = Path(str(resources.files(__name__)))
 SUFFIX = ".json"
 
 
-def shipped_names() -> list[str]:
-    """The detectors that came with the package, sorted."""
-    return shipped.shipped_names(FOLDER, SUFFIX)
-
-
 def find_weights(name_or_path: str) -> Path:
     """Where the detector is that `detect.weights` names.
 

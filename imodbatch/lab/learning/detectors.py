@@ -50,7 +50,7 @@ class Detectors:
         self.write()
 
     def write(self) -> Path:
-        """Write all, for `load_detector`; returns the main one's file."""
+        """Write all, for `make_detector`; returns the main one's file."""
         paths = []
         for number, recipe in enumerate(self.recipe.variants()):
             figures: dict[str, Any] = {"n_steps": self.state.step}

@@ -88,12 +88,8 @@ def boxes_and_sightings(
     is_numbered = "detection_index" in boxes.columns
     number_rows(boxes, "detection_index")
     found, sightings = scored(boxes, classes), table_of(seen, OBSERVATIONS)
-    row = _rows_of(found, sightings)
-    if (row < 0).any():
-        raise DataError(
-            f"observations: none for {int((row < 0).sum())} of {len(row)} detections, the first "
-            f"of them {_key_text(found, int(np.argmax(row < 0)))}. Lift these detections."
-        )
+    fault = "observations: none for {} of {} detections"
+    row = _rows_of(found, sightings, fault, "Lift these detections.")
     if not is_numbered and len(row) < sightings.num_rows:
         raise DataError(
             f"detections: {len(row)} without detection_index, and {sightings.num_rows} "
@@ -142,12 +138,8 @@ def results_and_truth(
     check_classes(rows["class_id"], classes, "fused")
     number_rows(boxes, "detection_index")
     results, found = table_of(rows, FUSED), scored(boxes, classes)
-    row = _rows_of(results, found)
-    if (row < 0).any():
-        raise DataError(
-            f"detections: none behind {int((row < 0).sum())} rows of fused, the first of them "
-            f"{_key_text(results, int(np.argmax(row < 0)))}. Give those that were fused."
-        )
+    fault = "detections: none behind {} of {} rows of fused"
+    _rows_of(results, found, fault, "Give those that were fused.")
     if looked is None:
         looked = pd.concat([boxes[FRAME_KEY], true[FRAME_KEY]])
     looked = looked[FRAME_KEY].drop_duplicates().sort_values(FRAME_KEY)
@@ -205,14 +197,20 @@ def _check_frames(used: Iterable[Any], known: Iterable[Any], name: str) -> None:
         )
 
 
-def _rows_of(table: pa.Table, others: pa.Table) -> NDArray[np.int64]:
-    """Position (n,) in `others` of the detection behind each row, −1 where there is none."""
+def _rows_of(table: pa.Table, others: pa.Table, fault: str, cure: str) -> NDArray[np.int64]:
+    """Position (n,) in `others` of the detection behind each row.
+
+    Raises:
+        DataError: it is not there; `fault` has places for the numbers of such rows and of all.
+    """
     keys, known = (
         pd.MultiIndex.from_frame(t.select(DETECTION_KEY).to_pandas()) for t in (table, others)
     )
-    return np.asarray(known.get_indexer(keys), dtype=np.int64)
-
-
-def _key_text(table: pa.Table, row: int) -> str:
-    key = table.select(DETECTION_KEY).slice(row, 1).to_pylist()[0]
-    return ", ".join(f"{name} {value}" for name, value in key.items())
+    rows = np.asarray(known.get_indexer(keys), dtype=np.int64)
+    missing = np.flatnonzero(rows < 0)
+    if missing.size:
+        pairs = zip(DETECTION_KEY, keys[missing[0]], strict=True)
+        first = ", ".join(f"{name} {value}" for name, value in pairs)
+        count = fault.format(missing.size, len(rows))
+        raise DataError(f"{count}, the first of them {first}. {cure}")
+    return rows

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 import torch
-from architectures import LIGHT
+from detectors import LIGHT, load_network
 from safetensors.torch import load_file, save_file
 
 from imodbatch.core.errors import ConfigError
 from imodbatch.detection.card import DetectorCard, Family
-from imodbatch.detection.checkpoint import load_network, save_checkpoint, stored_tensors
+from imodbatch.detection.checkpoint import save_checkpoint, stored_tensors
 from imodbatch.detection.files import checkpoint_files, read_card, read_checkpoint, write_card
 from imodbatch.detection.heads import build_head
 from imodbatch.detection.network import build_detector

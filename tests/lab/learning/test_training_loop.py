@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from architectures import LIGHT
+from detectors import LIGHT, load_detector
 from PIL import Image
 
 from imodbatch.core.errors import ConfigError, DataError
-from imodbatch.detection.inference import load_detector
 from imodbatch.lab.learning.loader import change_colors, cut_crops, cut_window
 from imodbatch.lab.learning.log import read_events, read_rows
 from imodbatch.lab.learning.loop import train

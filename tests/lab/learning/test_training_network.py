@@ -5,7 +5,7 @@ import sys
 
 import pytest
 import torch
-from architectures import LIGHT
+from detectors import LIGHT
 
 from imodbatch.core.errors import ConfigError
 from imodbatch.detection.card import DetectorCard
