@@ -12,11 +12,9 @@ background is the LAST column.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from imodbatch.settings.toml import StrictModel
-
-FORMAT_VERSION = 1
 
 Backbone = Literal[
     "resnet18",
@@ -109,7 +107,7 @@ class DetectorCard(StrictModel):
         family: None where the weights lie in ``<name>.safetensors`` beside ``<name>.json``.
     """
 
-    format_version: int
+    format_version: Literal[1]
     name: Annotated[str, Field(min_length=1)]
     architecture: Architecture
     classes: Annotated[tuple[str, ...], Field(min_length=1)]
@@ -121,15 +119,6 @@ class DetectorCard(StrictModel):
     seed: int | dict[str, Any]
     figures: dict[str, Any]
     family: Family | None = None
-
-    @field_validator("format_version")
-    @classmethod
-    def _is_of_this_version(cls, version: int) -> int:
-        if version != FORMAT_VERSION:
-            raise ValueError(
-                f"this version reads {FORMAT_VERSION}; use the one of imodbatch that wrote the card"
-            )
-        return version
 
     @model_validator(mode="after")
     def _grid_is_a_grid(self) -> "DetectorCard":

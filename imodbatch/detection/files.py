@@ -13,6 +13,7 @@ from imodbatch.detection.card import DetectorCard
 from imodbatch.settings.toml import validate
 from imodbatch.tables.atomic import write_text
 
+FORMAT_VERSION = 1
 WEIGHTS_SUFFIX, CARD_SUFFIX = ".safetensors", ".json"
 
 
@@ -98,6 +99,12 @@ def _parse_card(content: bytes, path: Path) -> DetectorCard:
             f"{path}: not a readable JSON card ({reason}). Restore the file that came with the "
             f"weights."
         ) from error
+    version = values.get("format_version", FORMAT_VERSION) if isinstance(values, dict) else None
+    if version not in (FORMAT_VERSION, None):
+        raise ConfigError(
+            f"{path}: format_version is {version!r}, this version reads {FORMAT_VERSION}. "
+            f"Use the version of imodbatch that wrote the card."
+        )
     return validate(DetectorCard, values, f"card {path}")
 
 

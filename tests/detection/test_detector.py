@@ -514,7 +514,7 @@ def test_a_card_survives_its_file(tmp_path: Path) -> None:
         (["architecture", "fpn_strides"], [8, 32, 64], "fpn_strides must double"),
         (["architecture", "anchor_sizes_px"], [[8], [16]], "one list per entry of fpn_strides"),
         (["architecture", "anchor_sizes_px"], [[8], [16], [3, 4]], "equally many"),
-        (["format_version"], 2, "format_version: this version reads 1; use the one of imodbatch"),
+        (["format_version"], 2, "format_version is 2, this version reads 1. Use the version"),
         (["classes"], [], "classes: Tuple should have at least 1 item"),
         (["classes"], ["mug", "mug"], "classes must not name a class twice"),
         (["n_azimuths"], 0, "n_azimuths: Input should be greater than 0 (got 0)"),
@@ -543,6 +543,14 @@ def test_a_wrong_card_names_file_and_key(
     with pytest.raises(ConfigError) as error:
         read_card(path)
     assert_one_line(error, "wrong.json", message)
+
+
+def test_a_card_of_another_version_says_so_before_its_unknown_keys(tmp_path: Path) -> None:
+    path = tmp_path / "later.json"
+    path.write_text('{"format_version": 2, "grid": []}')
+    with pytest.raises(ConfigError) as error:
+        read_card(path)
+    assert_one_line(error, "later.json", "format_version is 2, this version reads 1")
 
 
 @pytest.mark.parametrize("content", [b"{", b"\xff\xfe", b"[]", b""])
