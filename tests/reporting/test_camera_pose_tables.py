@@ -8,6 +8,7 @@ import pytest
 from hand_tables import pose, table
 
 from imodbatch.reporting import camera_poses
+from imodbatch.reporting.csv_text import csv_of
 from imodbatch.reporting.names import DASH
 
 
@@ -117,7 +118,7 @@ def test_paths_from_above_in_order_of_frames(section, drawn):
 
 
 def test_the_csv_has_every_figure():
-    rows = list(csv.reader(io.StringIO(camera_poses.pose_csv(table("pose_quality", QUALITY)))))
+    rows = list(csv.reader(io.StringIO(csv_of(table("pose_quality", QUALITY)))))
     assert rows[0] == ["sequence_id", "metric", "value", "n"]
     assert rows[9] == ["s", "loop_error_median_m", "0.25", "1"]
     assert rows[-1] == ["t", "duration_s", "", "0"]

@@ -7,6 +7,7 @@ import pytest
 from hand_tables import table
 
 from imodbatch.reporting import jitters
+from imodbatch.reporting.csv_text import csv_of
 from imodbatch.reporting.names import DASH
 
 
@@ -79,7 +80,7 @@ def test_levels_stand_from_none_to_both(drawn):  # noqa: ARG001
 
 
 def test_the_csv_is_the_table():
-    rows = list(csv.DictReader(io.StringIO(jitters.jitter_csv(table("jitters", ROWS)))))
+    rows = list(csv.DictReader(io.StringIO(csv_of(table("jitters", ROWS)))))
     assert len(rows) == len(ROWS)
     assert rows[0]["rotation_mdeg"] == "1500"
     assert rows[0]["value"] == "0.25"

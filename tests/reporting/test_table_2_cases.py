@@ -14,11 +14,12 @@ from hand_tables import annotation, match
 
 from imodbatch.core.errors import ConfigError
 from imodbatch.reporting.comparison import compare_runs
+from imodbatch.reporting.csv_text import csv_of
 from imodbatch.reporting.names import DASH
 from imodbatch.reporting.operating_points import HELD_OUT, ON_TEST, table_2_columns
 from imodbatch.reporting.paper import MARK
 from imodbatch.reporting.table_2 import beside, paper_table_2, remarks, table_2
-from imodbatch.reporting.table_2_files import csv_of, figures_table, thresholds_table
+from imodbatch.reporting.table_2_files import figures_table, thresholds_table
 
 CLASSES = ("coffee_mug", "box")
 MUG, BOX = 0, 1
@@ -136,7 +137,7 @@ def test_average_precisions_and_false_positives(columns):
     assert column_of(columns, "imod").aps == pytest.approx([(6 * 2 / 3 + 2 * 3 / 5) / 11, 1])
     assert column_of(columns, "imod_offline").aps == pytest.approx([8 / 11, 1])
     assert column_of(columns, "single").aps == pytest.approx([8 * 3 / 5 / 11, 1])
-    assert column_of(columns, "imod").mean_ap == pytest.approx((5.2 / 11 + 1) / 2)
+    assert column_of(columns, "imod").mean == pytest.approx((5.2 / 11 + 1) / 2)
     assert [c.n_false_positives.tolist() for c in columns] == [[2, 0]] * 4
 
 

@@ -7,7 +7,7 @@ import pytest
 from hand_tables import detection, frame, observation, pose, table
 
 from imodbatch.scoring import jitter
-from imodbatch.scoring.refusion import Evidence
+from imodbatch.scoring.rescoring import Evidence
 from imodbatch.settings.config import JitterConfig, Pipeline
 
 

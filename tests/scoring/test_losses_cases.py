@@ -5,8 +5,9 @@ import pytest
 from hand_tables import annotation, detection, frame, observation, pose, table
 
 from imodbatch.core.diagnosis import Overlaps
-from imodbatch.scoring import limits
-from imodbatch.scoring.refusion import Evidence
+from imodbatch.scoring import losses as losses_stage
+from imodbatch.scoring import sweep
+from imodbatch.scoring.rescoring import Evidence
 from imodbatch.settings.config import FuseConfig, MatchingConfig, Pipeline, SweepConfig
 
 CLASSES = ("mug", "box")
@@ -50,7 +51,7 @@ def losses(found, camera=lambda s, i: (10.0, 0.0, 0.0)):  # noqa: ARG005
         *(found.frames[name].to_pylist() for name in ("sequence_id", "frame_index")), strict=True
     )
     poses = table("poses", [pose(s, i, camera(s, i)) for s, i in keys])
-    rows = limits.losses(found, poses, CLASSES).tables["losses"].to_pylist()
+    rows = losses_stage.run(found, poses, CLASSES).tables["losses"].to_pylist()
     return {(row["class_id"], row["cause"]): (row["value"], row["n"]) for row in rows}
 
 
@@ -228,13 +229,13 @@ def test_the_best_box_of_an_annotation_is_its_tightest():
     found = Overlaps(
         np.array([0.9, 0.4, 0.5]), np.array([0.6, 0.9, 0.4, 0.5]), np.array([0, 0, 1, 2])
     )
-    assert limits.best_boxes(found, 0.5).tolist() == [False, True, False, True]
+    assert losses_stage.best_boxes(found, 0.5).tolist() == [False, True, False, True]
 
 
 def test_one_voxel_per_object_numbers():
     """m's two boxes share a new voxel, n has another one, the stray keeps its own."""
     found = evidence(3, MUGS, SPLIT)
-    first, second, n, stray = limits.oracle_voxels(found).tolist()
+    first, second, n, stray = losses_stage.oracle_voxels(found).tolist()
     assert first == second
     assert len({first, n, stray}) == 3
     assert stray == found.own_voxels[3]
@@ -245,7 +246,7 @@ def test_one_voxel_per_object_numbers():
 
 def test_the_sweep_fuses_in_voxels_of_each_size():
     """At 10 cm m stays split (x .05 and .25), at 40 cm it is whole; single frames do not care."""
-    rows = limits.sweep(evidence(3, MUGS, SPLIT)).tables["sweeps"].to_pylist()
+    rows = sweep.run(evidence(3, MUGS, SPLIT)).tables["sweeps"].to_pylist()
     assert {row["metric"] for row in rows} == {"ap_voc07_11pt"}
     assert {(row["method"], row["voxel_mm"]): row["value"] for row in rows} == {
         ("single", 100): pytest.approx(AS_IS),

@@ -4,7 +4,7 @@ import pyarrow as pa
 import pytest
 from hand_tables import annotation, detection, frame, fused, table
 
-from imodbatch.scoring import score
+from imodbatch.scoring import match
 from imodbatch.scoring.background import background_per_pixel
 from imodbatch.settings.config import MatchingConfig
 
@@ -17,7 +17,7 @@ LEFT, RIGHT = (0, 0, 10, 10), (10, 0, 20, 10)  # halves of a frame of 20 × 10 p
 
 def matches(boxes, truth, **changes):
     """Of (number, corners, class, score) in frame 4 of s."""
-    rows = score.match(
+    rows = match.run(
         table("fused", [fused("s", 4, i, k, value) for i, _, k, value in boxes]),
         table("detections", [detection("s", 4, i, c, (1.0, 0.0, 0.0)) for i, c, _, _ in boxes]),
         table("annotations", truth),

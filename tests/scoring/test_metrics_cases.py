@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hand_tables import annotation, detection, frame, match, table
 
-from imodbatch.scoring import score
+from imodbatch.scoring import metrics as metrics_stage
 from imodbatch.settings.config import MatchingConfig, MetricsConfig
 
 CLASSES = ("mug", "box", "pen")
@@ -52,7 +52,7 @@ ROWS = [  # sequence, frame, number, corners, class, score, outcome
 def metrics(rows=ROWS, annotations=ANNOTATIONS, frames=FRAMES, coco_ap=no_coco, **changes):
     """(metric, class id) → row, of a run with the one method and IoU."""
     boxes = {(s, f, i): detection(s, f, i, c, (1.0, 0.0, 0.0)) for s, f, i, c, *_ in rows}
-    result = score.summarise(
+    result = metrics_stage.run(
         table("frames", frames),
         table("annotations", annotations),
         table("detections", boxes.values()),
@@ -197,7 +197,7 @@ def test_every_iou_and_method_has_rows_of_its_own():
         match("s", 0, 1, MUG, 0.25, "I"),
         match("s", 0, 1, MUG, 0.25, "F", iou_percent=75),
     ]
-    found = score.summarise(
+    found = metrics_stage.run(
         table("frames", FRAMES),
         table("annotations", [annotation("s", 0, 0, MUG, LEFT)]),
         table("detections", [detection("s", 0, i, LEFT, (1.0, 0.0, 0.0)) for i in (0, 1)]),
