@@ -138,7 +138,7 @@ def test_average_precisions_and_false_positives(columns):
     assert column_of(columns, "imod_offline").aps == pytest.approx([8 / 11, 1])
     assert column_of(columns, "single").aps == pytest.approx([8 * 3 / 5 / 11, 1])
     assert column_of(columns, "imod").mean == pytest.approx((5.2 / 11 + 1) / 2)
-    assert [c.n_false_positives.tolist() for c in columns] == [[2, 0]] * 4
+    assert [[c.n_false_positives(k) for k in (0, 1)] for c in columns] == [[2, 0]] * 4
 
 
 def texts(grid):
