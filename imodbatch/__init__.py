@@ -19,12 +19,14 @@ The names below are the stages as functions on arrays and tables.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from imodbatch.core.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from imodbatch.core.camera import PinholeCamera as Camera
     from imodbatch.core.errors import ImodError
     from imodbatch.run.library import detect, estimate_poses, fuse, lift, score
 
-__version__ = "0.2.0"
+
 __all__ = ["Camera", "ImodError", "detect", "estimate_poses", "fuse", "lift", "score"]
 
 

@@ -9,7 +9,6 @@ from typing import Any, NoReturn
 
 import click
 
-from imodbatch import __version__
 from imodbatch.cli.compare import compare
 from imodbatch.cli.doctor import doctor
 from imodbatch.cli.export import export
@@ -18,6 +17,7 @@ from imodbatch.cli.schema import schema
 from imodbatch.cli.stages import stage_commands
 from imodbatch.cli.status import status
 from imodbatch.core.errors import ImodError
+from imodbatch.core.version import __version__
 
 
 class _OneLineErrors(PluggedGroup):

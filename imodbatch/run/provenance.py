@@ -8,7 +8,7 @@ replaced. Whatever reads them then differs in its own provenance, and so on down
 
 from typing import Any
 
-from imodbatch import __version__
+from imodbatch.core.version import __version__
 from imodbatch.run.plan import Plan
 from imodbatch.run.step import Step
 from imodbatch.run.stored import Identities, input_identities, output_paths

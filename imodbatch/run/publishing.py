@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from imodbatch import __version__
+from imodbatch.core.version import __version__
 from imodbatch.reporting import report
 from imodbatch.reporting.run_info import RunInfo
 from imodbatch.run.plan import Plan
