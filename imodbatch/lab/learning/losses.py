@@ -12,9 +12,9 @@ from torch import Tensor
 from torchvision.models.detection.image_list import ImageList
 from torchvision.models.detection.rpn import concat_box_prediction_layers
 
-from imodbatch.detection.losses import ScoreLosses, box_loss, score_losses
 from imodbatch.detection.network import MultiViewFasterRCNN
 from imodbatch.lab.learning.targets import ImageTargets, draw_rois, without_ignored
+from imodbatch.lab.learning.terms import ScoreLosses, box_loss, score_losses
 
 Losses = dict[str, Tensor]
 LOSS_NAMES = ("proposal_score", "proposal_box", "class", "view", "box")

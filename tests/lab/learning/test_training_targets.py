@@ -9,7 +9,6 @@ import torch
 from imodbatch.core.symmetry import Symmetry
 from imodbatch.core.viewpoint import ViewGrid
 from imodbatch.detection.heads import FactorisedHead, FlatHead
-from imodbatch.detection.losses import box_loss, score_losses
 from imodbatch.lab.learning.samples import Sample
 from imodbatch.lab.learning.targets import (
     BACKGROUND,
@@ -23,6 +22,7 @@ from imodbatch.lab.learning.targets import (
     label_candidates,
     without_ignored,
 )
+from imodbatch.lab.learning.terms import box_loss, score_losses
 
 GRID = ViewGrid(8, (math.radians(10), math.radians(50)))
 STEP = math.pi / 4
