@@ -317,10 +317,11 @@ def test_normals_keep_creases_and_smooth_the_rest():
     assert number[0] == number[2] != number[1]
 
 
-def test_dae_without_its_reader_names_the_extra(tmp_path, monkeypatch):
+@pytest.mark.parametrize("missing", ["collada", "trimesh"])
+def test_models_without_their_reader_name_the_extra(tmp_path, monkeypatch, missing):
     path = tmp_path / "t.dae"
     path.write_text(DAE.format(meter=0.01, up="Y_UP"))
-    monkeypatch.setitem(sys.modules, "collada", None)
+    monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises(ConfigError, match=r"t\.dae: .* pip install 'imodbatch\[lab\]'$"):
         load_model(path)
 

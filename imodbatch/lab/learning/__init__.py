@@ -5,6 +5,7 @@ samples     COCO folders → an endless, numbered row of images with boxes
 loader      batches: colours, windows, object crops
 targets     what each region should answer
 losses      one pass over a batch
+terms       the losses of the second stage
 start       the network at the beginning
 state       the checkpoint of a training that is not done
 loop        `train`: step after step, resumable

@@ -69,16 +69,16 @@ def read_parts(path: Path, up: str | None = None, unit_m: float | None = None) -
 
     Raises:
         DataError: it is missing, unreadable or has no faces.
-        ConfigError: it is a DAE file, and what reads those is not installed.
+        ConfigError: what reads models is not installed.
     """
-    import trimesh
-
     if not path.is_file():
         raise DataError(f"{path}: no such mesh file. Restore it, or correct the path to it.")
     if path.suffix.lower() not in MESH_SUFFIXES:
         raise DataError(f"{path}: expected one of {', '.join(MESH_SUFFIXES)}. Convert the model.")
-    if path.suffix.lower() == ".dae" and find_spec("collada") is None:
-        raise ConfigError(f"{path}: DAE files need more. pip install 'imodbatch[lab]'")
+    if find_spec("trimesh") is None or find_spec("collada") is None:
+        raise ConfigError(f"{path}: models need more packages. pip install 'imodbatch[lab]'")
+    import trimesh
+
     resolver: Any = _Asked(path)
     try:
         with only_listed_formats("TGA"):
