@@ -8,9 +8,9 @@ CORE = {
         ("n_split += pairs - int(", "n_split += int(", "split_pairs counts pairs that met"),
         ("np.mean(n_voxels)", "np.max(n_voxels)", "voxels_per_instance is the largest"),
         (
-            "iou *= candidates.class_id[rows][:, None] == truth.class_id[true_rows]",
-            "iou *= 1.0",
-            "a box of another class counts as near",
+            "true_rows[iou.argmax(axis=1)]",
+            "iou.argmax(axis=1)",
+            "a place within the image for a row of the truth",
         ),
         (
             "annotation_iou[true_rows] = iou.max(axis=0)",
@@ -39,16 +39,6 @@ CORE = {
             "_envelope(n_found)[finds_one].mean()",
             "missed annotations cost no area",
         ),
-        (
-            "return int(np.argmax(sweep.f1))",
-            "return len(sweep.f1) - 1 - int(np.argmax(sweep.f1[::-1]))",
-            "the highest of equally good thresholds",
-        ),
-        (
-            "_quotient(2 * n_right, n_kept + n_annotations, 0.0)",
-            "_quotient(n_right, n_kept + n_annotations - n_right, 0.0)",
-            "Jaccard index in place of F1",
-        ),
     ],
     ("imodbatch/core/scoring.py", "tests/core/test_scoring.py tests/core/test_means_cases.py"): [
         (
@@ -62,13 +52,51 @@ CORE = {
             "~(self.is_ignored & self.is_crowd)",
             "ignored annotations count",
         ),
+        (
+            "(np.diff(image[order]) != 0) | (np.diff(class_id[order]) != 0)",
+            "np.diff(image[order]) != 0",
+            "all boxes of an image are of one class",
+        ),
+        (
+            "order = rank(score)",
+            "order = rank(-score)",
+            "the worst box ranks first",
+        ),
     ],
-    ("imodbatch/core/tuning.py", "tests/core/test_tuning.py"): [
+    (
+        "imodbatch/core/tuning.py",
+        "tests/core/test_tuning.py tests/scoring/test_metrics_cases.py",
+    ): [
         ("boxes.take(boxes.sequence != s)", "boxes.take(boxes.sequence == s)", "tuned on itself"),
         (
             "np.where(np.isnan(thresholds), 0, n_annotations).sum(axis=1)",
             "n_annotations.sum(axis=1)",
             "annotations without a threshold are missed ones",
+        ),
+        (
+            "thresholds[np.argmax(2 * n_hits / (n_kept + n_annotations[k]))]",
+            "thresholds[::-1][np.argmax((2 * n_hits / (n_kept + n_annotations[k]))[::-1])]",
+            "the highest of equally good thresholds",
+        ),
+        (
+            "_quotient(2 * self.n_hits, self.n_kept + self.n_annotations)",
+            "_quotient(self.n_hits, self.n_kept + self.n_annotations - self.n_hits)",
+            "Jaccard index in place of F1",
+        ),
+        (
+            "return _quotient(self.n_hits, self.n_annotations)",
+            "return _quotient(self.n_hits, self.n_kept)",
+            "recall per box",
+        ),
+        (
+            "others = np.delete(n_annotations, s, axis=1).sum(axis=1)",
+            "others = n_annotations.sum(axis=1)",
+            "annotations of the sequence held out count in its tuning",
+        ),
+        (
+            'np.searchsorted(scores[order], thresholds, side="left")',
+            'np.searchsorted(scores[order], thresholds, side="right")',
+            "a box at the threshold is dropped",
         ),
     ],
     ("imodbatch/core/viewpoint.py", "tests/core/test_viewpoint.py"): [
@@ -115,10 +143,23 @@ CORE = {
             "(azimuth_bins[:, None] - np.arange(n_azimuths)) % n_azimuths",
             "pose hypotheses turn the other way",
         ),
+        ("result.n_cells[rows] = counts[known]", "result.n_cells[rows] = counts", "cells so far"),
+        (
+            "np.where(candidates, marginal(sightings.view_scores), -np.inf)",
+            "marginal(sightings.view_scores)",
+            "a box that is no candidate stands for the others",
+        ),
+    ],
+    ("imodbatch/core/slots.py", "tests/core/test_fusion.py"): [
         (
             "enters[rows] & (n_entered[at] == 0)",
             "enters[rows] & (n_entered[at] <= 1)",
             "a second visit fills a slot anew",
+        ),
+        (
+            "(votes - content) / np.maximum(n_entered, 1)",
+            "(votes - content) / np.maximum(n_entered + 1, 1)",
+            "the mean of a slot counts a view too many",
         ),
     ],
     ("imodbatch/core/disturbance.py", "tests/core/test_disturbance.py"): [

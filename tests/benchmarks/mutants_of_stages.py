@@ -1,15 +1,15 @@
 """Mistakes to plant in the stages: (file, tests) → (old text, new text, what it breaks)."""
 
 STAGES = {
-    ("imodbatch/scoring/limits.py", "tests/scoring/test_losses_cases.py"): [
+    ("imodbatch/scoring/losses.py", "tests/scoring/test_losses_cases.py"): [
         (
-            "stray = stray[row_of_box[stray] >= 0]",
-            "stray = stray[row_of_box[stray] >= -1]",
+            "stray_voxel[stray_voxel >= 0]",
+            "stray_voxel[stray_voxel >= -1]",
             "false boxes without a place count",
         ),
         (
-            "instances[annotation] is not None",
-            "annotation >= 0",
+            "return box[rows][instance >= 0], instance[instance >= 0]",
+            "return box[rows], instance",
             "things without a name are one object",
         ),
         (
@@ -19,10 +19,14 @@ STAGES = {
         ),
         (
             '"no_box": _share(iou < LOOSE_IOU)',
-            '"no_box": _share(iou < right)',
+            '"no_box": _share(iou < evidence.iou_percent / 100)',
             "no_box takes loose boxes in",
         ),
-        ("(iou >= LOOSE_IOU) & (iou < right)", "(iou < right)", "loose_box takes no_box in"),
+        (
+            "(iou >= LOOSE_IOU) & (iou < evidence.iou_percent / 100)",
+            "iou < evidence.iou_percent / 100",
+            "loose_box takes no_box in",
+        ),
         (
             "(truth.class_id == k) & ~truth.is_ignored",
             "truth.class_id == k",
@@ -34,20 +38,11 @@ STAGES = {
             '"behind_share": (1 - found.behind_share,',
             "behind_share inverted",
         ),
+        ("_share(np.isin(", "_share(~np.isin(", "false_in_true_voxel inverted"),
         (
-            "_share(np.isin(voxels, sorted(true_voxels)))",
-            "_share(~np.isin(voxels, sorted(true_voxels)))",
-            "false_in_true_voxel inverted",
-        ),
-        (
-            "stray = box[(class_id == k) & (found.candidate_iou < LOOSE_IOU)]",
-            "stray = box[found.candidate_iou < LOOSE_IOU]",
+            "stray = box[(class_id == k) & (evidence.overlaps.candidate_iou < LOOSE_IOU)]",
+            "stray = box[evidence.overlaps.candidate_iou < LOOSE_IOU]",
             "stray boxes of all classes",
-        ),
-        (
-            'f"{sequences[annotation]}/{instances[annotation]}"',
-            "instances[annotation]",
-            "objects of one name in two sequences are one",
         ),
         (
             "perfect = best_boxes(evidence.overlaps, iou_percent / 100).astype(np.float64)",
@@ -69,7 +64,7 @@ STAGES = {
             "np.argsort(found.candidate_iou",
             "the loosest right box is the best",
         ),
-        ("first + len(number_of)", "first", "one voxel for all instances together"),
+        ("first_new + instance", "first_new", "one voxel for all instances together"),
         (
             "(found.split_pairs, found.n_pairs)",
             "(found.split_pairs, len(boxes))",
@@ -77,27 +72,43 @@ STAGES = {
         ),
         ("[evidence.image[boxes]]", "[boxes]", "the camera of another frame"),
         (
-            "(class_id == k) & (found.candidate_iou >= right)",
-            "(class_id == k) & (found.candidate_iou > right)",
+            "(class_id == k) & (found.candidate_iou >= evidence",
+            "(class_id == k) & (found.candidate_iou > evidence",
             "a box of exactly the IoU asked is no sighting",
         ),
+    ],
+    ("imodbatch/scoring/sweep.py", "tests/scoring/test_losses_cases.py"): [
         (
             "replace(evidence.own_meeting, voxel=evidence.voxel_numbers(size_m))",
             "replace(evidence.own_meeting)",
             "every size of the sweep is the run's own",
         ),
     ],
-    ("imodbatch/scoring/refusion.py", "tests/scoring/test_losses_cases.py"): [
+    ("imodbatch/scoring/rescoring.py", "tests/scoring/test_losses_cases.py"): [
         (
             "group_labels(np.column_stack([self.sequence[rows], voxels]))",
             "group_labels(voxels)",
             "sequences share their voxels",
         ),
         ("pc.not_equal(poses", "pc.equal(poses", "cameras of lost frames only"),
-        ('("tx_m", "ty_m", "tz_m")', '("ty_m", "tx_m", "tz_m")', "camera's x for y"),
+        ('"tx_m", "ty_m", "tz_m"', '"ty_m", "tx_m", "tz_m"', "camera's x for y"),
+        (
+            'for name in ("sequence_id", "instance_id")',
+            'for name in ("instance_id",)',
+            "objects of one name in two sequences are one",
+        ),
+        (
+            "self.truth, iou_percent / 100, rule",
+            "self.truth, self.iou_percent / 100, rule",
+            "every AP is that of the first IoU",
+        ),
     ],
     ("imodbatch/fusion/evidence.py", "tests/scoring/test_losses_cases.py"): [
-        ("np.where(stands, result.score, absent)", "result.score", "every box takes the score"),
+        (
+            "np.where(stands, found[name].score, absent)",
+            "found[name].score",
+            "every box takes the score",
+        ),
     ],
     ("imodbatch/fusion/fuse.py", "tests/fusion/test_objects_cases.py"): [
         (
@@ -115,24 +126,21 @@ STAGES = {
         ("xyz[rows].mean(axis=0)", "np.median(xyz[rows], axis=0)", "median place of an object"),
         ("np.median(extent[rows], axis=0)", "extent[rows].mean(axis=0)", "mean size of an object"),
         (
-            'column(frames, "fx_px")[row], column(frames, "fy_px")[row]',
-            'column(frames, "fy_px")[row], column(frames, "fx_px")[row]',
+            'stacked(frames, "fx_px", "fy_px")[row]',
+            'stacked(frames, "fy_px", "fx_px")[row]',
             "width by fy, height by fx",
         ),
         ("np.argsort(-value", "np.argsort(value", "the weakest object first"),
         (
-            "fused.get(method + OFFLINE_SUFFIX)",
-            "fused.get(method)",
+            'of_mode["offline"]',
+            'of_mode["online"]',
             "objects of what the first frame knew",
         ),
         ("* depth_m[:, None] / focal", "/ depth_m[:, None] / focal", "farther is smaller"),
-        ("int(result.n_cells[rows[0], k])", "len(rows)", "boxes for cells"),
-        ("result.score[rows[0]].argmax()", "result.score[rows[0]].argmin()", "the worst class"),
+        ('"n_cells": n_cells[g]', '"n_cells": len(rows)', "boxes for cells"),
+        ("result.score[first].argmax(", "result.score[first].argmin(", "the worst class"),
     ],
-    (
-        "imodbatch/scoring/score.py",
-        "tests/scoring/test_metrics_cases.py tests/scoring/test_matches_cases.py",
-    ): [
+    ("imodbatch/scoring/match.py", "tests/scoring/test_matches_cases.py"): [
         (
             "pa.array(index, mask=~hit)",
             "pa.array(index, mask=hit)",
@@ -144,48 +152,67 @@ STAGES = {
             "every IoU is 50 %",
         ),
         (
-            'counted = annotations.filter(pc.invert(annotations["is_ignored"]))',
-            "counted = annotations",
-            "ignored annotations are to be found",
-        ),
-        ("kept.sum() / hits.n_annotations", "kept.sum() / len(hits.hits)", "recall per box"),
-        (
-            "len(kept) + hits.n_annotations",
-            "len(hits.hits) + hits.n_annotations",
-            "F1 of all boxes",
-        ),
-        (
-            "hits.hits[hits.scores >= threshold]",
-            "hits.hits[hits.scores > threshold]",
-            "a box at the threshold is dropped",
-        ),
-        ('[("score", "descending"), *keys]', '[("score", "ascending"), *keys]', "rank order"),
-        (
-            "chosen if inside else pc.invert(chosen)",
-            "pc.invert(chosen) if inside else chosen",
-            "tuned on the test sequences, tested on the others",
-        ),
-        ("float((~h.hits).sum())", "float(h.hits.sum())", "true for false positives"),
-        ("float(tuning is None)", "float(tuning is not None)", "tuned on test is inverted"),
-        (
             "own_index[found.annotation_index[hit]]",
             "found.annotation_index[hit]",
             "row of an annotation for its index in the frame",
         ),
+    ],
+    ("imodbatch/scoring/metrics.py", "tests/scoring/test_metrics_cases.py"): [
         (
-            "sum(h.n_annotations for h in hits), sum(len(h.hits) for h in hits)",
-            "sum(h.n_annotations for h in hits), sum(h.hits.sum() for h in hits)",
+            'self.annotations.filter(pc.invert(self.annotations["is_ignored"]))',
+            "self.annotations",
+            "ignored annotations are to be found",
+        ),
+        ("Counts.of(kept, ", "Counts.of(tested, ", "precision and recall of all boxes"),
+        (
+            "tested.score >= thresholds[tested.class_id]",
+            "tested.score > thresholds[tested.class_id]",
+            "a box at the threshold is dropped",
+        ),
+        (
+            '(name, "ascending")',
+            '(name, "descending")',
+            "equal scores ranked backwards",
+        ),
+        (
+            "return ~self.is_tuned_on if self.threshold_sequences else self.is_tuned_on",
+            "return self.is_tuned_on",
+            "judged on the very sequences it is tuned on",
+        ),
+        (
+            "n_false = (behind.n_kept - behind.n_hits)",
+            "n_false = behind.n_hits",
+            "true for false positives",
+        ),
+        (
+            "float(not ground.threshold_sequences)",
+            "float(bool(ground.threshold_sequences))",
+            "tuned on test is inverted",
+        ),
+        (
+            "behind.n_annotations.sum(), behind.n_kept.sum()",
+            "behind.n_annotations.sum(), behind.n_hits.sum()",
             "the mean counts right boxes only",
         ),
         ("matching.iou_percents[0]))", "matching.iou_percents[-1]))", "ap_coco of the last IoU"),
         (
-            "h.n_annotations, step) for h in tuned",
-            "h.n_annotations, step) for h in tested",
-            "thresholds tuned on the test sequences",
+            "boxes.take(ground.is_tuned_on[boxes.sequence])",
+            "boxes.take(ground.is_tested[boxes.sequence])",
+            "thresholds tuned on the boxes of the test sequences",
         ),
         (
-            'column(found, "score") >= limit',
-            'column(found, "score") < limit',
+            "annotations[:, ground.is_tuned_on].sum(axis=1)",
+            "annotations.sum(axis=1)",
+            "thresholds tuned for the annotations of all sequences",
+        ),
+        (
+            "np.where(np.isnan(thresholds), 0, behind.n_annotations)",
+            "behind.n_annotations",
+            "a class without a threshold is missed everywhere",
+        ),
+        (
+            'column(found, "score") >= thresholds[',
+            'column(found, "score") < thresholds[',
             "background of the boxes thrown away",
         ),
     ],
@@ -194,8 +221,8 @@ STAGES = {
         "tests/scoring/test_metrics_cases.py tests/scoring/test_matches_cases.py",
     ): [
         (
-            "~_mask(shape, kept_of.get(key, ())) & counts",
-            "~_mask(shape, kept_of.get(key, ()))",
+            "(is_predicted & counts).sum()",
+            "is_predicted.sum()",
             "pixels of ignored annotations count",
         ),
         (
