@@ -94,6 +94,11 @@ REPORTING = {
             "online and offline mixed",
         ),
         (
+            "n_annotations.sum(axis=1) - self.counts.n_annotations",
+            "n_annotations.sum(axis=1) - self.counts.n_hits",
+            "missed annotations for those left out",
+        ),
+        (
             "counts_at(boxes, annotations, thresholds)",
             "counts_at(boxes, annotations, tune_thresholds(boxes, annotations, step))",
             "what is held out is counted at thresholds of the test set",
@@ -110,8 +115,8 @@ REPORTING = {
         "tests/reporting/test_table_1_cases.py tests/reporting/test_table_2_cases.py",
     ): [
         (
-            "sequence_ids.index(sequence_id)] += 1",
-            "sequence_ids.index(sequence_id)] = 1",
+            "counts.to_numpy(np.int64)",
+            "counts.to_numpy(np.int64).clip(max=1)",
             "one annotation per class and sequence",
         ),
         (
@@ -121,9 +126,14 @@ REPORTING = {
         ),
         ("lambda r: -r.grid.n_azimuths", "lambda r: r.grid.n_azimuths", "fewer azimuths first"),
         (
-            'pc.invert(pc.or_(table["is_ignored"], table["is_crowd"]))',
-            'pc.invert(table["is_crowd"])',
+            "run.results.annotations.select(",
+            'run.results.tables["annotations"].select(',
             "ignored annotations count",
+        ),
+        (
+            "columns=list(run.sequence_ids)",
+            "columns=list(run.sequence_ids)[::-1]",
+            "annotations of another sequence",
         ),
         ("(~of_class.is_hit).sum()", "of_class.is_hit.sum()", "true for false positives"),
         (

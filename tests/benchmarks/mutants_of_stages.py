@@ -98,6 +98,11 @@ STAGES = {
             "objects of one name in two sequences are one",
         ),
         (
+            "self.survives[rows], config",
+            "self.survives[: len(rows)], config",
+            "candidates are read off other boxes",
+        ),
+        (
             "self.truth, iou_percent / 100, rule",
             "self.truth, self.iou_percent / 100, rule",
             "every AP is that of the first IoU",
@@ -206,6 +211,11 @@ STAGES = {
             "thresholds tuned for the annotations of all sequences",
         ),
         (
+            "annotations[:, ground.is_tested].sum(axis=1)",
+            "annotations.sum(axis=1)",
+            "recall of the annotations of all sequences",
+        ),
+        (
             "np.where(np.isnan(thresholds), 0, behind.n_annotations)",
             "behind.n_annotations",
             "a class without a threshold is missed everywhere",
@@ -243,6 +253,29 @@ STAGES = {
             "degrees as radians",
         ),
         ("np.std(known, ddof=1)", "np.std(known)", "the spread is too small"),
+        ('("placed", "out_of_range")', '("placed",)', "what was too steep stays so"),
+        (
+            "camera_world + shift_m, viewpoint",
+            "camera_world, viewpoint",
+            "azimuths seen from where the camera truly stood",
+        ),
+    ],
+    ("imodbatch/scoring/coco.py", "tests/scoring/test_coco.py"): [
+        (
+            "np.where(truth.is_ignored[wanted]",
+            "np.where(truth.is_crowd[wanted]",
+            "ignored annotations are to be found",
+        ),
+        (
+            "corners[:, 2:] - corners[:, :2]]",
+            "corners[:, 2:]]",
+            "the far corner for the extent",
+        ),
+        (
+            "int(n_detections_per_image.max(initial=1))",
+            "1",
+            "one box of each image counts",
+        ),
     ],
     ("imodbatch/fusion/lift.py", "tests/fusion/test_lift.py"): [
         (

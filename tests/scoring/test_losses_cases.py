@@ -224,6 +224,16 @@ def test_a_loose_box_does_not_take_the_score_of_its_voxel():
     assert aps(evidence(2, truth, boxes))["ap_as_is"] == pytest.approx((6 + 5 * 2 / 3) / 11)
 
 
+def test_a_box_without_a_place_does_not_say_who_takes_a_score():
+    """The first box is of another class and has no place; the mug keeps .6: T(.6) F(.3) of 1."""
+    boxes = [
+        box("s", 0, 0, WHOLE, BOX, score=0.9),
+        box("s", 0, 1, WHOLE, score=0.6, xyz=(0, 0, 0)),
+        box("s", 0, 2, AWAY, score=0.3),
+    ]
+    assert aps(evidence(1, [annotation("s", 0, 0, MUG, WHOLE)], boxes))["ap_as_is"] == 1
+
+
 def test_the_best_box_of_an_annotation_is_its_tightest():
     """Annotation 0 has .6 and .9, annotation 1 only .4, annotation 2 exactly .5."""
     found = Overlaps(
