@@ -1,1 +1,1 @@
-"""Boxes of many frames: put in their places, and made to agree."""
+"""Boxes of many frames: put in their places (`lift`), and made to agree (`fuse`, `evidence`)."""

@@ -172,7 +172,7 @@ POSE_QUALITY = TableSpec(
     "pose_quality",
     (
         *SEQUENCE_KEY,
-        Column("metric", STRING, "see `stages.pose_quality`; the unit is its ending"),
+        Column("metric", STRING, "see `poses.quality`; the unit is its ending"),
     ),
     (
         Column("value", F64, "the figure; null = cannot be told", nullable=True),
