@@ -52,7 +52,7 @@ def test_who_comes_second_is_told_who_is_at_work(
     options: tuple[Any, ...],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["/opt/bin/imodbatch", "run", "a b.toml"])
+    monkeypatch.setattr(sys, "argv", ["somewhere/imodbatch", "run", "a b.toml"])
     with only_writer(run_dir):
         before = names(run_dir)
         result = cli(command, manifest, "--out", run_dir, *options)
