@@ -44,9 +44,8 @@ def main() -> None:
     for name, count in lines.most_common():
         print(f"{count:7,} {name:10} → {', '.join(sorted(arrows[name]))}")
     print(f"{len(lines)} rooms, {sum(map(len, arrows.values()))} arrows")
-    print(
-        f"{lines.total():,} lines = {lines.total() - lines['lab']:,} pipeline + {lines['lab']:,} lab"
-    )
+    n_all, n_lab = lines.total(), lines["lab"]
+    print(f"{n_all:,} lines = {n_all - n_lab:,} pipeline + {n_lab:,} lab")
 
 
 if __name__ == "__main__":
