@@ -27,8 +27,7 @@ from imodbatch.tables.parquet import ARROW_ERRORS, conform, from_columns
 from imodbatch.tables.schemas import ANNOTATIONS, BOX, DETECTIONS, FRAMES, POSES, TableSpec
 
 Table: TypeAlias = pd.DataFrame | pa.Table
-FRAME_KEY = ["sequence_id", "frame_index"]
-DETECTION_KEY = [*FRAME_KEY, "detection_index"]
+FRAME_KEY, DETECTION_KEY = list(FRAMES.key), list(DETECTIONS.key)
 SEQUENCE = "sequence"
 """Name of the only sequence where no table says one."""
 BOX_COLUMNS = [column.name for column in BOX]
